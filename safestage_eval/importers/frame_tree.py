@@ -101,11 +101,12 @@ class FrameTree:
 
     Attributes:
         edges: frame → its motion in its parent.
+        origin: ns, of the first transform, by the clock of the recording.
     """
 
     def __init__(self, samples: dict[str, Samples], where: str) -> None:
         """Raises TraceError for a loop, or for what ``Edge`` refuses."""
-        origin = min(min(stream.time) for stream in samples.values())
+        self.origin = origin = min(min(stream.time) for stream in samples.values())
         self.edges = {name: Edge(name, stream, where, origin) for name, stream in samples.items()}
         self.where = where
         for name in self.edges:

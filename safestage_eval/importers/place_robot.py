@@ -92,10 +92,10 @@ def place_robot(
         )  # fmt: skip
     positions = {name: columns[:, i] for i, name in enumerate(matched)}
     meshes.update(model.meshes)
-    return _placed(model, base, motion, positions, matched, settings.map, meshes, taken)
+    return placed_links(model, base, motion, positions, matched, settings.map, meshes, taken)
 
 
-def _placed(
+def placed_links(
     model: RobotModel,
     base: str,
     motion: Track,
@@ -105,6 +105,7 @@ def _placed(
     meshes: dict[str, Mesh],
     taken: Collection[str],
 ) -> Placed:
+    """Place the links of a model by ``positions``, joint → (T,); the other arguments as ``place_robot``."""
     length = len(next(iter(positions.values())))
     start = motion.position.astype(np.float64), motion.orientation.astype(np.float64)
     poses = model.place(start, positions)

@@ -10,6 +10,8 @@ from safestage_eval._text.json_text import from_json
 from . import hdf5
 from .importer import Refused, SourceError
 
+RECORD = "are recorded whole by safestage-record (docs/record_anywhere.md)"
+
 
 def ask_for(source: str) -> str:
     """Return what to ask the publisher of a dataset for, by its name."""
@@ -18,6 +20,11 @@ def ask_for(source: str) -> str:
         return (
             "DROID was recorded on real robots, and where objects were was never measured; poses "
             "from an object tracker would have to be added, as columns of their own"
+        )
+    if "aloha" in name:
+        return (
+            "ALOHA's episodes have joints and images, and never where objects were; simulated ones "
+            f"{RECORD}; real ones need the poses of an object tracker, as columns of their own"
         )
     simulated = {
         "libero": "the original HDF5 files of LIBERO, which have data/demo_i/states",
@@ -29,15 +36,18 @@ def ask_for(source: str) -> str:
     }
     for suite, files in simulated.items():
         if suite in name:
-            return f"ask the publisher for {files}; the conversion dropped them"
+            return (
+                f"ask the publisher for {files}; the conversion dropped them. Own rollouts {RECORD}"
+            )
     return (
         "ask the publisher for the simulator's states (positions and orientations of every object "
-        "per step, with shapes or model files); of a real robot, for an object tracker's poses"
+        "per step, with shapes or model files); of a real robot, as most of Open X-Embodiment, for an "
+        f"object tracker's poses. Rollouts that still run in a simulator {RECORD}"
     )
 
 
 class Stateless(Refused):
-    """RLDS, raw DROID, and HDF5 with observations only."""
+    """RLDS, raw DROID, ALOHA, and HDF5 with observations only."""
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -48,6 +58,8 @@ class Stateless(Refused):
         if not hdf5.is_hdf5(path):
             return None
         with hdf5.open_hdf5(path) as file:
+            if {"observations", "action"} <= set(file) and "qpos" in file["observations"]:
+                return "ALOHA: HDF5 with observations/qpos and action"
             if "observation/robot_state" in file:
                 return "raw DROID: HDF5 with observation/robot_state"
             demos = file.get("data")
@@ -77,6 +89,8 @@ def _description(path: Path) -> str:
     with hdf5.open_hdf5(path) as file:
         if "observation/robot_state" in file:
             return "droid"
+        if "observations" in file:
+            return "aloha"
         args = file["data"].attrs.get("env_args", "") if "data" in file else ""
         return str(args)
 

@@ -7,17 +7,18 @@ Message definitions: tf2_msgs/TFMessage and geometry_msgs/TransformStamped (ROS 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, BinaryIO
 
 from safestage_eval.errors import InputError, TraceError
 
 from .frame_tree import Samples
 from .importer import SourceError
 from .mcap_whole import check_summary, whole_messages
+from .sqlite_bag import bag_messages, definition, is_sqlite, types
 
 TRANSFORMS = {
     "tf2_msgs/msg/TFMessage",
@@ -29,6 +30,7 @@ TRANSFORMS = {
 }
 SCENES = {"foxglove.SceneUpdate", "foxglove_msgs/msg/SceneUpdate"}
 DESCRIPTION = "std_msgs/msg/String"
+JOINTS = "sensor_msgs/msg/JointState"
 
 LATEST = 1 << 62
 """ns; a difference of two times still has 64 bits."""
@@ -43,6 +45,7 @@ class Found:
         entities: of scenes, by id; a later one replaces an earlier one.
         descriptions: URDF texts.
         others: topics that were not looked at, with their schema.
+        joints: name → times (ns) and positions (rad or m).
         disagreeing: frames that came under two parents; the first is kept.
     """
 
@@ -51,13 +54,16 @@ class Found:
     descriptions: list[str] = field(default_factory=list)
     others: dict[str, str] = field(default_factory=dict)
     disagreeing: set[str] = field(default_factory=set)
+    joints: dict[str, tuple[list[int], list[float]]] = field(default_factory=dict)
 
 
 def has_transforms(path: Path) -> bool:
-    """True if the file is a complete foreign MCAP file with transforms; never raises."""
+    """True if the file is a complete foreign MCAP or SQLite bag with transforms; never raises."""
     from mcap.reader import make_reader
 
     try:
+        if is_sqlite(path):
+            return bool(types(path) & TRANSFORMS)
         with path.open("rb") as stream:
             check_summary(stream)
             stream.seek(0)
@@ -71,6 +77,20 @@ def has_transforms(path: Path) -> bool:
         return False
 
 
+def _stored(path: Path, stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
+    """(schema, channel, message) as MCAP's reader gives them, of either storage of a bag."""
+    if not is_sqlite(path):
+        yield from whole_messages(stream)
+        return
+    for kind, topic, encoding, time, data in bag_messages(path):
+        text = definition(kind)
+        schema = SimpleNamespace(
+            id=1, name=kind, encoding="ros2msg", data=b"" if text is None else text.encode()
+        )
+        channel = SimpleNamespace(id=topic, topic=topic, message_encoding=encoding)
+        yield schema, channel, SimpleNamespace(data=data, log_time=time)
+
+
 def read_messages(paths: Iterable[Path]) -> Found:
     """Read all transforms, scenes and descriptions of the files, which are parts of one recording.
 
@@ -80,10 +100,10 @@ def read_messages(paths: Iterable[Path]) -> Found:
     """
     result = Found()
     for path in paths:
-        decoders: dict[int, Callable[[bytes], Any]] = {}
+        decoders: dict[Any, Callable[[bytes], Any]] = {}
         try:
             with path.open("rb") as stream:
-                for schema, channel, message in whole_messages(stream):
+                for schema, channel, message in _stored(path, stream):
                     take = _taker(schema.name if schema else "", channel.topic)
                     if take is None:
                         result.others[channel.topic] = schema.name if schema else "-"
@@ -111,6 +131,8 @@ def _taker(schema: str, topic: str) -> Callable[[Found, Any, int], None] | None:
         return _take_transforms
     if schema in SCENES:
         return _take_scene
+    if schema == JOINTS:
+        return _take_joints
     if schema == DESCRIPTION and topic.rstrip("/").endswith("robot_description"):
         return lambda contents, message, _: contents.descriptions.append(message.data)
     return None
@@ -170,6 +192,16 @@ def _take_transforms(contents: Found, message: Any, log_time: int) -> None:
         samples.position.append((float(moved.x), float(moved.y), float(moved.z)))
         turn = (float(turned.w), float(turned.x), float(turned.y), float(turned.z))
         samples.orientation.append(turn)
+
+
+def _take_joints(contents: Found, message: Any, log_time: int) -> None:
+    time = _within(_nanoseconds(message.header.stamp) or log_time)
+    for name, position in zip(
+        message.name, message.position, strict=False
+    ):  # either may be left out
+        times, positions = contents.joints.setdefault(str(name), ([], []))
+        times.append(time)
+        positions.append(float(position))
 
 
 def _nanoseconds(stamp: Any) -> int:

@@ -27,6 +27,8 @@ from .frame_tree import FrameTree
 from .importer import Importer, SourceError
 from .missing_data import say_bodies, say_contacts, say_success
 from .scene_bodies import apply_map, fixed_from_map, need_shapes
+from .sqlite_bag import is_sqlite
+from .tf_joints import place_arm
 from .tf_messages import Found, error_line, has_transforms, read_messages
 from .urdf_links import Link, urdf_links
 
@@ -45,7 +47,7 @@ class Transforms(Importer):
     """One MCAP file, or a folder of a ROS 2 bag with its parts."""
 
     name = "tf"
-    title = "ROS 2 bags and Foxglove MCAP with transforms"
+    title = "ROS 2 bags (MCAP or SQLite) and Foxglove MCAP with transforms"
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -57,10 +59,10 @@ class Transforms(Importer):
             return None
         try:
             with path.open("rb") as stream:
-                mcap = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+                stored = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC or is_sqlite(path)
         except OSError:
             return None
-        return "has transforms" if mcap and has_transforms(path) else None
+        return "has transforms" if stored and has_transforms(path) else None
 
     def episodes(self) -> Sequence[str]:
         """The recording is one episode."""
@@ -98,6 +100,9 @@ class Transforms(Importer):
         more, still = fixed_from_map({body.name for body in bodies}, self.settings.map, meshes)
         every = (*(body for body, _ in pairs), *more)
         tracks = {**{body.name: motion for body, motion in pairs}, **still}
+        arm = place_arm(self.settings, contents, tracks, start + t, tree.origin, meshes, account)
+        every = (*every, *(body for body in arm.bodies if body.name not in tracks))
+        tracks = {**arm.tracks, **tracks}
         self._remark(contents, left_out, links, every, account)
         from_map, dt = self.settings.map.source, float(np.median(np.diff(t)))
         header = Header(
@@ -108,19 +113,21 @@ class Transforms(Importer):
             force_source="none",
             source=Source(simulator=None),
             bodies=every,
+            joints=arm.joints,
         )
         used = {geom.mesh for body in every for geom in body.geoms}
         kept = {key: mesh for key, mesh in meshes.items() if key in used}
-        return Episode(header, t, tracks, meshes=kept)
+        return Episode(header, t, tracks, None, arm.frames, meshes=kept)
 
     def _parts(self) -> list[Path]:
         if self.path.is_file():
             return [self.path]
-        parts = sorted(self.path.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
+        parts = [path for ending in ("mcap", "db3") for path in self.path.glob(f"*.{ending}")]
+        parts.sort(key=lambda path: (len(path.name), path.name))
         if not parts:
             raise SourceError(
-                str(self.path), "a bag without MCAP files.", "*.mcap",
-                "ros2 bag convert, with storage_id: mcap in its output options",
+                str(self.path), "a bag without files that can be read.", "*.mcap, *.db3",
+                "compressed ones are unpacked first: zstd -d FILE.db3.zstd",
             )  # fmt: skip
         return parts
 

@@ -130,3 +130,14 @@ def test_hdf5_without_objects_is_refused(tmp_path, data, told):
     assert done.code == 2
     assert told in done.err
     assert data.rsplit("/", 1)[1] in done.err
+
+
+def test_alohas_episodes_name_what_would_help(tmp_path):
+    with h5py.File(tmp_path / "episode_0.hdf5", "w") as file:
+        file["action"] = np.zeros((5, 14))
+        file["observations/qpos"] = np.zeros((5, 14))
+        file["observations/images/top"] = np.zeros((5, 2, 2, 3), np.uint8)
+    done = run("import", tmp_path / "episode_0.hdf5", "--to", tmp_path / "data")
+    assert done.code == 2
+    for what in ("has no poses of objects", "ALOHA", "safestage-record", "object tracker"):
+        assert what in done.err

@@ -1,0 +1,158 @@
+"""SQLite bags give what MCAP bags give, message by message; joint states place what no transform does."""
+
+import sqlite3
+
+import numpy as np
+import pytest
+from bags import TF_MESSAGE, ros_transform
+from mcap.reader import make_reader
+from mcap_ros2.writer import Writer as RosWriter
+from studio import run
+from test_robot_model import ARM
+from test_transforms import tumbling, write_bag
+
+from safestage_eval.formats import load
+from safestage_eval.importers.robot_file import robot_from_urdf
+from safestage_eval.importers.sqlite_bag import definition, types
+
+JOINTS = definition("sensor_msgs/msg/JointState")
+
+
+def as_sqlite(mcap, to, *, leave_out=()):
+    """The same messages, as rosbag2's SQLite storage has them."""
+    with sqlite3.connect(to) as bag:
+        bag.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
+        bag.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, "
+            "offered_qos_profiles TEXT)"
+        )
+        bag.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+        )
+        with mcap.open("rb") as stream:
+            known = {}
+            for schema, channel, message in make_reader(stream).iter_messages():
+                if channel.topic not in known:
+                    known[channel.topic] = len(known) + 1
+                    if channel.topic not in leave_out:
+                        row = (known[channel.topic], channel.topic, schema.name, "cdr", "")
+                        bag.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?)", row)
+                row = (known[channel.topic], message.log_time, message.data)
+                bag.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+    bag.close()
+    return to
+
+
+def with_map(folder, text=""):
+    (folder / "map.toml").write_text(
+        '[body.cube]\nshapes = [{ kind = "box", size = [0.02, 0.02, 0.02] }]\n'
+        '[body.ball]\nshapes = [{ kind = "sphere", size = [0.02] }]\n' + text
+    )
+
+
+@pytest.mark.parametrize("folder", [True, False])
+def test_it_is_read_as_its_mcap_twin(tmp_path, folder):
+    with_map(tmp_path)
+    mcap = write_bag(tmp_path / "run.mcap", tumbling())
+    (tmp_path / "bag").mkdir()
+    sqlite = as_sqlite(mcap, tmp_path / "bag" / "run_0.db3")
+    (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 5\n")
+    assert "tf2_msgs/msg/TFMessage" in types(sqlite)
+    found = []
+    for source in (mcap, tmp_path / "bag" if folder else sqlite):
+        to = tmp_path / f"data{len(found)}"
+        done = run("import", source, "--to", to, "--map", tmp_path / "map.toml")
+        assert done.code == 0, done.err
+        found.append(load(to))
+    one, other = found
+    assert np.array_equal(one.t, other.t)
+    for name, track in one.tracks.items():
+        assert np.array_equal(track.position, other.tracks[name].position)
+        assert np.array_equal(track.orientation, other.tracks[name].orientation)
+
+
+def test_damaged_and_foreign_databases(tmp_path):
+    with_map(tmp_path)
+    mcap = write_bag(tmp_path / "run.mcap", tumbling())
+    lost = as_sqlite(mcap, tmp_path / "lost.db3", leave_out=("/tf_static",))
+    whole = as_sqlite(mcap, tmp_path / "whole.db3").read_bytes()
+    with sqlite3.connect(tmp_path / "other.db3") as other:
+        other.execute("CREATE TABLE notes(text TEXT)")
+    other.close()
+    (tmp_path / "cut.db3").write_bytes(whole[: len(whole) // 2])
+    for name in ("other", "cut"):
+        done = run(
+            "import",
+            tmp_path / f"{name}.db3",
+            "--to",
+            tmp_path / "d",
+            "--map",
+            tmp_path / "map.toml",
+        )
+        assert done.code == 2, name
+        assert "bug" not in done.err
+    if b"/tf_static" in whole:
+        done = run("import", lost, "--to", tmp_path / "d", "--map", tmp_path / "map.toml")
+        assert "does not list" in done.err
+
+
+@pytest.mark.parametrize("named", ["in the bag", "by --robot"])
+def test_joint_states_place_an_arm(tmp_path, named):
+    with_map(tmp_path)
+    model, frames = robot_from_urdf(ARM, "two.urdf"), 40
+    t = np.arange(frames) / 20
+    shoulder, left = 0.8 * np.sin(t), 0.02 + 0.02 * np.cos(t)
+    with (tmp_path / "run.mcap").open("wb") as stream:
+        writer = RosWriter(stream)
+        tf = writer.register_msgdef("tf2_msgs/msg/TFMessage", TF_MESSAGE)
+        state = writer.register_msgdef("sensor_msgs/msg/JointState", JOINTS)
+        text = writer.register_msgdef("std_msgs/msg/String", "string data")
+        if named == "in the bag":
+            writer.write_message("/robot_description", text, {"data": ARM}, 0, 0)
+        for i in range(frames):
+            now = 10**12 + round(t[i] * 1e9)
+            cube = ros_transform(now, "world", "cube", (0.5, 0.01 * i, 0.02), (1, 0, 0, 0))
+            writer.write_message("/tf", tf, {"transforms": [cube]}, now, now)
+            message = {
+                "header": {"stamp": {"sec": now // 10**9, "nanosec": now % 10**9}, "frame_id": ""},
+                "name": ["left", "shoulder"], "position": [left[i], shoulder[i]], "velocity": [], "effort": [],
+            }  # fmt: skip
+            writer.write_message("/joint_states", state, message, now, now)
+        writer.finish()
+    (tmp_path / "two.urdf").write_text(ARM)
+    more = ["--robot", tmp_path / "two.urdf"] if named == "by --robot" else []
+    bag = as_sqlite(tmp_path / "run.mcap", tmp_path / "run.db3")
+    done = run("import", bag, "--to", tmp_path / "data", "--map", tmp_path / "map.toml", *more)
+    assert done.code == 0, done.err
+    theirs = load(tmp_path / "data")
+    base = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
+    for name, (place, _) in model.place(base, {"shoulder": shoulder, "left": left}).items():
+        assert np.abs(theirs.track(name).position - place).max() < 1e-6, name
+    assert theirs.bodies["left_finger"].finger == "left"
+    assert np.allclose(theirs.frames.gripper[:, 0], left / 0.04, atol=1e-6)
+    assert [joint.name for joint in theirs.header.joints] == ["left", "shoulder"]
+
+
+def test_a_description_of_another_robot_is_refused(tmp_path):
+    with_map(tmp_path)
+    bag = write_bag(tmp_path / "run.mcap", tumbling())
+    (tmp_path / "two.urdf").write_text(ARM)
+    done = run(
+        "import",
+        bag,
+        "--to",
+        tmp_path / "d",
+        "--map",
+        tmp_path / "map.toml",
+        "--robot",
+        tmp_path / "two.urdf",
+    )
+    assert done.code == 2
+    assert "not those of the bag (none)" in done.err
+
+
+def test_definitions_are_whole():
+    text = definition("tf2_msgs/msg/TFMessage")
+    assert text.splitlines()[0] == "geometry_msgs/TransformStamped[] transforms"
+    assert text.count("MSG: ") == 6
+    assert definition("sensor_msgs/msg/Image") is None
