@@ -65,6 +65,8 @@ class SourceTable(_Table):
     """s between actions."""
     world: str | None = None
     """Frame that is the world, z up (transforms)."""
+    scene: Literal["A", "B", "C", "D"] | None = None
+    """CALVIN's scene."""
     length: Annotated[float, BeforeValidator(_unit_of_length), Field(gt=0)] | None = None
     """m in the source's unit of length, or its name: ``"cm"``, 0.0254; in metres without."""
 

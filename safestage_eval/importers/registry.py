@@ -15,6 +15,7 @@ from .stateless import Stateless
 OWN = {
     "isaaclab": "isaac_lab",
     "maniskill": "maniskill",
+    "calvin": "calvin",
     "lerobot": "lerobot",
     "tf": "transforms",
 }

@@ -58,8 +58,16 @@ def load_robot(path: Path, assets: tuple[Path, ...] = ()) -> RobotModel:
     return found
 
 
-def robot_from_urdf(text: str, where: str, folders: Sequence[Path] = ()) -> RobotModel:
-    """Read a robot from the text of a URDF; ``folders``: in which its meshes are looked for.
+def robot_from_urdf(
+    text: str, where: str, folders: Sequence[Path] = (), *, hollow: bool = False
+) -> RobotModel:
+    """Read a robot, or furniture, from the text of a URDF.
+
+    Args:
+        text: of the description.
+        where: for messages.
+        folders: in which its meshes are looked for.
+        hollow: meshes count as they are, not as their convex hulls.
 
     Raises:
         TraceError: it is damaged, has no joint that moves, or no single base.
@@ -86,14 +94,14 @@ def robot_from_urdf(text: str, where: str, folders: Sequence[Path] = ()) -> Robo
         )  # fmt: skip
     meshes: dict[str, Mesh] = {}
     lost: list[str] = []
-    found = [RobotLink(_body(bases[0], links, places, folders, meshes, lost))]
+    found = [RobotLink(_body(bases[0], links, places, folders, meshes, lost, hollow))]
     names = [bases[0]]
     for parent in names:  # grows
         for name, link in links.items():
             if link.parent == parent and name in places and name not in names:
                 origin, moved = places[name]
                 names.append(name)
-                body = _body(name, links, places, folders, meshes, lost)
+                body = _body(name, links, places, folders, meshes, lost, hollow)
                 joints = () if moved is None else (moved,)
                 found.append(RobotLink(body, origin["position"], origin["orientation"], joints))  # type: ignore[arg-type]
     return RobotModel(tuple(found), meshes, tuple(dict.fromkeys(lost)))
@@ -142,6 +150,7 @@ def _body(
     folders: Sequence[Path],
     meshes: dict[str, Mesh],
     lost: list[str],
+    hollow: bool,
 ) -> Body:
     link, above, gripper = links[name], name, False
     while above and not gripper:
@@ -149,14 +158,14 @@ def _body(
         above = links[above].parent or ""
     geoms = [*link.geoms]
     for shape in link.meshes:
-        mesh = _mesh(shape, folders)
+        mesh = _mesh(shape, folders, hollow)
         if mesh is None:
             lost.append(shape.file)
             continue
         meshes[mesh.key] = mesh
         geoms.append(
             Geom(
-                kind="convex_mesh",
+                kind="mesh" if hollow else "convex_mesh",
                 mesh=mesh.key,
                 position=shape.position,
                 orientation=shape.orientation,
@@ -175,7 +184,7 @@ def _body(
     )
 
 
-def _mesh(shape: MeshShape, folders: Sequence[Path]) -> Mesh | None:
+def _mesh(shape: MeshShape, folders: Sequence[Path], hollow: bool) -> Mesh | None:
     """The points of a mesh file in metres; None if it is not there or cannot be read."""
     parts = [
         p for p in re.split(r"[\\/]+", shape.file) if p not in ("", ".", "..", "package:", "file:")
@@ -184,17 +193,20 @@ def _mesh(shape: MeshShape, folders: Sequence[Path]) -> Mesh | None:
         for folder in folders:
             path = folder.joinpath(*parts[start:])
             if path.is_file():
-                return _points(path, shape.scale)
+                return _points(path, shape.scale, hollow)
     return None
 
 
 @lru_cache(maxsize=256)
-def _points(path: Path, scale: tuple[float, float, float]) -> Mesh | None:
+def _points(path: Path, scale: tuple[float, float, float], hollow: bool) -> Mesh | None:
     import trimesh
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        points = np.asarray(trimesh.load(path, force="mesh").vertices, np.float64) * scale
+        loaded = trimesh.load(path, force="mesh")
+        points = np.asarray(loaded.vertices, np.float64) * scale
+        if hollow:
+            return Mesh.build(points, loaded.faces)
         return Mesh.build(points[ConvexHull(points).vertices])
     except (QhullError, ValueError, IndexError):
         return None

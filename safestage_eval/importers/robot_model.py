@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -119,6 +119,34 @@ class RobotModel:
                     pose = compose(*pose, *_moved(joint, move))
             found[link.body.name] = pose
         return found
+
+
+def _times(by: float, place: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = place
+    return by * x, by * y, by * z
+
+
+def scaled(model: RobotModel, by: float) -> RobotModel:
+    """Return the model with all lengths but joint positions ``by`` times as long."""
+    meshes = {key: Mesh.build(mesh.vertices * by, mesh.faces) for key, mesh in model.meshes.items()}
+
+    def link_of(link: RobotLink) -> RobotLink:
+        geoms = tuple(
+            geom.model_copy(
+                update={
+                    "size": tuple(by * size for size in geom.size),
+                    "position": tuple(by * x for x in geom.position),
+                    "mesh": None if geom.mesh is None else meshes[geom.mesh].key,
+                }
+            )
+            for geom in link.body.geoms
+        )
+        body = link.body.model_copy(update={"geoms": geoms})
+        joints = tuple(replace(j, anchor=_times(by, j.anchor)) for j in link.joints)
+        return replace(link, body=body, position=_times(by, link.position), joints=joints)
+
+    links = tuple(link_of(link) for link in model.links)
+    return replace(model, links=links, meshes={mesh.key: mesh for mesh in meshes.values()})
 
 
 def _moved(joint: RobotJoint, by: F64) -> Pose:

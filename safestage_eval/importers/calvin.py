@@ -1,0 +1,267 @@
+"""CALVIN's datasets: a folder of ``episode_*.npz``, a file for each frame, and ``ep_start_end_ids.npy``.
+
+Facts that matter here (github.com/mees/calvin_env; calvin/dataset):
+
+- ``scene_obs`` (24,): sliding door, drawer, button, switch (m), light bulb, green light, then position and
+  roll, pitch, yaw (PyBullet, rad) of three blocks, in the order in which the scene's configuration lists them.
+- ``robot_obs`` (15,): TCP position and Euler angles, opening of the gripper (m), seven joints (rad), command.
+- 30 Hz; PyBullet steps at 240 Hz. Furniture and blocks are loaded at 0.8 of their size, the arm is not.
+- Blocks are boxes of 1 kg: 5, 7 or 10 cm by 5 by 5 cm before scaling. Contacts are not recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import (
+    Body,
+    Episode,
+    Geom,
+    Header,
+    Joint,
+    Mesh,
+    RobotFrames,
+    Source,
+    Track,
+    still_track,
+)
+from safestage_eval.errors import InputError
+
+from .account import Account
+from .foreign_motion import fixed_if_still, make_track
+from .gaps import Gaps
+from .importer import Importer, Settings, SourceError
+from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .place_robot import place_robot
+from .robot_file import robot_from_urdf
+from .robot_model import scaled
+from .scene_bodies import apply_map, fixed_from_map
+
+F64 = NDArray[np.float64]
+
+LENGTHS = {"small": 0.05, "middle": 0.07, "big": 0.10}
+BLOCKS = {
+    "A": (("block_pink", "small"), ("block_blue", "big"), ("block_red", "middle")),
+    "B": (("block_red", "small"), ("block_blue", "big"), ("block_pink", "middle")),
+    "C": (("block_blue", "small"), ("block_red", "big"), ("block_pink", "middle")),
+    "D": (("block_red", "middle"), ("block_blue", "small"), ("block_pink", "big")),
+}
+"""Scene → its blocks in the order of ``scene_obs``, each with its size (conf/scene/calvin_scene_*.yaml)."""
+SCALE = 0.8
+BASE = (-0.34, -0.46, 0.24)
+"""m, of the arm."""
+FURNITURE = ("base__slide", "base__drawer", "base__button", "base__switch")
+RATE, PHYSICS = 30.0, 240.0
+LONGEST = 20_000
+"""Frames of an episode at the most."""
+
+
+class Calvin(Importer):
+    """A folder of frames, ``training`` or ``validation``."""
+
+    name = "calvin"
+    title = "CALVIN frames (episode_*.npz)"
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Read which frames make up which episode; raise InputError where they are damaged."""
+        super().__init__(path, settings)
+        try:
+            with (path / IDS).open("rb") as stream:
+                ids = np.load(stream, allow_pickle=False)
+            pairs = np.asarray(ids, np.int64).reshape(-1, 2)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}/{IDS}", f"cannot be read: {error}") from None
+        self._spans = {
+            f"episode_{a:07d}_{b:07d}": (int(a), int(b)) for a, b in pairs if 0 <= a <= b
+        }
+
+    @classmethod
+    def recognise(cls, path: Path) -> str | None:
+        """By ``ep_start_end_ids.npy`` beside frames."""
+        there = path.is_dir() and (path / IDS).is_file()
+        return f"{IDS} and episode_*.npz" if there and any(path.glob("episode_*.npz")) else None
+
+    def episodes(self) -> Sequence[str]:
+        """``episode_0000000_0001234``: first and last frame."""
+        return list(self._spans)
+
+    def fingerprint(self, name: str) -> str:
+        """Digest of the first and last frame's observations."""
+        first, last = self._spans[name]
+        digest = sha256(name.encode())
+        for frame in (first, last):
+            digest.update(self._frame(frame)["scene_obs"].tobytes())
+        return digest.hexdigest()[:16]
+
+    def read(self, name: str, account: Account) -> Episode:
+        """Read one stretch of play."""
+        first, last = self._spans[name]
+        if last - first >= LONGEST:
+            raise SourceError(
+                f"{self.path}: {name}", f"has {last - first + 1} frames.", f"{LONGEST:,}"
+            )
+        frames = [self._frame(i) for i in range(first, last + 1)]
+        scene_obs = np.stack([frame["scene_obs"] for frame in frames])
+        robot_obs = np.stack([frame["robot_obs"] for frame in frames])
+        gaps = Gaps(str(self.path), self.settings.noted)
+        scene = gaps.ask(self._scene, "D")
+        bodies: list[Body] = []
+        tracks: dict[str, Track] = {}
+        meshes: dict[str, Mesh] = {}
+        self._blocks(scene, scene_obs, bodies, tracks, meshes, account)
+        gaps.ask(lambda: self._table(scene, scene_obs, bodies, tracks, meshes, account), None)
+        gaps.refuse()
+        robot, joints = self._robot(robot_obs, frames, bodies, tracks, meshes, account)
+        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
+        say_bodies(account, bodies, self.settings.map, "the middles of the blocks")
+        say_contacts(account)
+        say_success(account, known=False, hold=None)
+        dt = self.settings.dt or self.settings.map.source.dt or 1 / RATE
+        header = Header(
+            episode_id="", physics_dt=self.settings.map.source.physics_dt or 1 / PHYSICS, frame_dt=dt,
+            control_dt=dt, force_source="none", source=Source(simulator="PyBullet (CALVIN)"),
+            bodies=(*bodies, *more), joints=joints,
+        )  # fmt: skip
+        t = np.arange(len(frames), dtype=np.float64) * dt
+        return Episode(header, t, {**tracks, **still}, None, robot, meshes=meshes)
+
+    def _frame(self, number: int) -> dict[str, F64]:
+        path = self.path / f"episode_{number:07d}.npz"
+        try:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
+                frame = {
+                    key: np.asarray(found[key], np.float64)
+                    for key in ("scene_obs", "robot_obs", "actions")
+                    if key in found.files
+                }
+        except Exception as error:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
+            raise InputError(
+                str(path), f"cannot be read: {error or type(error).__name__}"
+            ) from None
+        for key, width in (("scene_obs", 24), ("robot_obs", 15)):
+            if key not in frame or frame[key].shape != (width,):
+                shape = frame[key].shape if key in frame else "no such array"
+                raise SourceError(str(path), f"{key}: {shape}.", f"({width},), with Euler angles")
+        return frame
+
+    def _scene(self) -> str:
+        if self.settings.map.source.scene is None:
+            raise SourceError(
+                str(self.path), "which of CALVIN's scenes it shows is not recorded in its frames.",
+                ", ".join(BLOCKS), '[source] scene = "D" in the map file, or under [in."GLOB".source]',
+            )  # fmt: skip
+        return self.settings.map.source.scene
+
+    def _blocks(
+        self,
+        scene: str,
+        obs: F64,
+        bodies: list[Body],
+        tracks: dict[str, Track],
+        meshes: dict[str, Mesh],
+        account: Account,
+    ) -> None:
+        from scipy.spatial.transform import Rotation
+
+        for i, (name, size) in enumerate(BLOCKS[scene]):
+            pose = obs[:, 6 + 6 * i : 12 + 6 * i]
+            x, y, z, w = Rotation.from_euler("xyz", pose[:, 3:]).as_quat().T
+            half = (SCALE * LENGTHS[size] / 2, SCALE * 0.025, SCALE * 0.025)
+            raw = Body(
+                name=name, kind="object", mass=1.0, geoms=(Geom(kind="box", size=half),),
+                untold=("up_axis", "cavity"),
+            )  # fmt: skip
+            bodies.append(apply_map(raw, self.settings.map, meshes))
+            tracks[name] = make_track(pose[:, :3], np.column_stack([w, x, y, z]), None, None)
+        account.guessed(
+            "which block is which", f"{', '.join(name for name, _ in BLOCKS[scene])}, as scene {scene} lists them",
+            cost="sizes and roles of the blocks",
+        )  # fmt: skip
+
+    def _table(
+        self,
+        scene: str,
+        obs: F64,
+        bodies: list[Body],
+        tracks: dict[str, Track],
+        meshes: dict[str, Mesh],
+        account: Account,
+    ) -> None:
+        """The furniture by its URDF, its drawer and door by their joints."""
+        name = f"calvin_table_{scene}.urdf"
+        found = [file for folder in self.settings.assets for file in sorted(folder.rglob(name))]
+        if not found:
+            raise SourceError(
+                str(self.path), f"its furniture is described by {name}, which it does not bring.",
+                fix="--assets DIR, the folder calvin_env/data of CALVIN's simulator",
+            )  # fmt: skip
+        folders = (found[0].parent, found[0].parent.parent)
+        text = found[0].read_text("utf-8", errors="replace")
+        model = scaled(robot_from_urdf(text, str(found[0]), folders, hollow=True), SCALE)
+        known = {joint.name for joint in model.joints}
+        positions = {joint: obs[:, i] for i, joint in enumerate(FURNITURE) if joint in known}
+        base = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
+        meshes.update(model.meshes)
+        for link, (place, turn) in zip(
+            model.links, model.place(base, positions).values(), strict=True
+        ):
+            parent = link.body.parent and f"table_{link.body.parent}"
+            raw = link.body.model_copy(
+                update={"name": f"table_{link.body.name}", "kind": "fixture", "parent": parent,
+                        "finger": None, "untold": ("cavity",)}
+            )  # fmt: skip
+            where, how = (
+                np.broadcast_to(part, (len(obs), part.shape[-1])) for part in (place, turn)
+            )
+            body, track = fixed_if_still(
+                apply_map(raw, self.settings.map, meshes), make_track(where, how, None, None)
+            )
+            bodies.append(body)
+            tracks[body.name] = track
+        account.recomputed(
+            "poses of drawer, door, button and switch", f"from their joints, by {name}"
+        )
+
+    def _robot(
+        self,
+        obs: F64,
+        frames: list[dict[str, F64]],
+        bodies: list[Body],
+        tracks: dict[str, Track],
+        meshes: dict[str, Mesh],
+        account: Account,
+    ) -> tuple[RobotFrames, tuple[Joint, ...]]:
+        base = still_track(BASE, (1.0, 0.0, 0.0, 0.0))
+        columns = np.column_stack([obs[:, 7:14], obs[:, 6] / 2, obs[:, 6] / 2])
+        placed = place_robot(
+            self.settings, "robot_base", base, columns, account, meshes, taken=set(tracks)
+        )
+        if placed is not None:
+            bodies += placed.bodies
+            tracks.update(placed.tracks)
+            joints, gripper = placed.joints, placed.gripper
+        else:
+            raw = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
+            bodies.append(apply_map(raw, self.settings.map, meshes))
+            tracks["robot_base"] = base
+            say_links(account, "the arm")
+            joints = tuple(
+                Joint(name=f"joint_{i}", kind="revolute", body="robot_base") for i in range(7)
+            )
+            columns, gripper = columns[:, :7], np.clip(obs[:, 6:7] / 0.08, 0.0, 1.0)
+        whole = all("actions" in frame for frame in frames)
+        action = np.stack([f["actions"] for f in frames]) if whole else np.zeros((len(frames), 0))
+        none = np.zeros((len(frames), 0))
+        parts: tuple[Any, ...] = (columns, none, none, action, gripper)
+        return RobotFrames(*(part.astype(np.float32) for part in parts)), joints
+
+
+IDS = "ep_start_end_ids.npy"
+
+IMPORTER = Calvin
