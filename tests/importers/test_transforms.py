@@ -292,7 +292,11 @@ def test_refusals_say_what_would_help(tmp_path):
     (folder / "bag_0.db3").write_bytes(b"SQLite format 3\0")
     done = take(folder, tmp_path / "data")
     assert done.code == 2
-    assert "ros2 bag convert" in done.err
+    assert "the database cannot be read" in done.err
+    (folder / "bag_0.db3").rename(folder / "bag_0.db3.zstd")
+    done = take(folder, tmp_path / "data")
+    assert done.code == 2
+    assert "zstd -d" in done.err
 
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(bag.read_bytes()[:-200])
