@@ -20,6 +20,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1] / "tests" / "helpers")]
 
+from peer_code import defines  # noqa: E402
 from tally import Count, Tally  # noqa: E402
 
 PEERS = {
@@ -34,6 +35,9 @@ PEERS = {
 }
 """Module here → name of the checkout."""
 
+FILES = {"vla_arena": "libero_safety"}
+"""Module here → rule file, where the names differ."""
+
 BEGIN, END = "<!-- counts: benchmarks/peers/compare.py -->", "<!-- end of counts -->"
 
 
@@ -44,6 +48,9 @@ def main() -> None:
     options.add_argument("--traces", type=Path, nargs="*", default=[], help="folders of traces")
     options.add_argument("--peers", nargs="*", default=list(PEERS), choices=list(PEERS))
     options.add_argument("--every", type=int, default=1, help="every so manieth trace")
+    options.add_argument(
+        "--examples", action="store_true", help="the examples of the rules as well"
+    )
     options.add_argument("--first", type=int, default=0, help="how many traces to leave out first")
     options.add_argument("--out", type=Path, help="where to write the counts, as JSON")
     options.add_argument("--counts", type=Path, nargs="*", default=[], help="counts to add up")
@@ -71,9 +78,14 @@ def main() -> None:
 def compare(peer: str, given: argparse.Namespace, tallies: dict[str, Tally]) -> None:
     """Run one peer's code on all traces; counts are written after every tenth."""
     from safestage_eval.formats import discover
+    from safestage_eval.sketch import resolve
 
     with importlib.import_module(peer).comparing(given.checkouts / PEERS[peer]) as judge:
         judge(None, tallies[peer])
+        sources(peer, given.checkouts, tallies[peer])
+        if given.examples and peer != "is_bench":
+            for name, folder in examples(peer):
+                judge(resolve(name, [folder]), tallies[peer])
         refs = [ref for folder in given.traces for ref in discover([folder])][
             given.first :: given.every
         ]
@@ -84,6 +96,33 @@ def compare(peer: str, given: argparse.Namespace, tallies: dict[str, Tally]) -> 
                 print(f"{peer}: {number} of {len(refs)}", file=sys.stderr, flush=True)
     if given.out:
         write(given.out, tallies)
+
+
+def examples(peer: str) -> list[tuple[str, Path]]:
+    """The scenes at known crossings: every example of the peer's rules, once."""
+    from safestage_eval.rules import load_rules
+
+    rules = load_rules([FILES.get(peer, peer)]).scoped.values()
+    named = {
+        name: Path(rule.path).parent / "examples"
+        for rule in rules
+        for name in (*rule.violates, *rule.passes)
+    }
+    return sorted(named.items())
+
+
+def sources(peer: str, checkouts: Path, tally: Tally) -> None:
+    """Every rule's source is in the checkout: the file, and the function in it."""
+    from safestage_eval.rules import load_rules
+
+    for rule in load_rules([FILES.get(peer, peer)]).scoped.values():
+        for source in rule.source.split("; "):
+            repository, file, name = (*source.partition(", ")[0].split(" ", 2), "")[:3]
+            folder = checkouts / repository.partition("@")[0].partition("/")[2]
+            if folder.is_dir():
+                one = tally.count("source of each rule", repository, "names")
+                one.run += 1
+                one.agreed += defines(folder / file, name)
 
 
 def write(path: Path, tallies: dict[str, Tally]) -> None:
