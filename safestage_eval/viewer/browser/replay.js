@@ -171,7 +171,7 @@ export class SafestageReplay {
       element.hidden = !inside;
       if (!inside) continue;
       const half = 4 * element.textContent.length;
-      let [x, y] = at;
+      let [x, y] = [at[0], at[1] + 24];  // below the body
       x = Math.min(Math.max(x, half), clientWidth - half);
       for (const [left, right, above] of taken) if (x + half > left && x - half < right && y < above + 20 && y > above - 20) y = above + 20;
       taken.push([x - half, x + half, y]);
