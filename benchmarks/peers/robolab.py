@@ -257,8 +257,8 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode, Tally], None]]:
     with modules(checkout) as peer:
 
         def compare(episode: Episode | None, tally: Tally) -> None:
-            if episode is None:
-                return
+            if episode is None or episode.header.force_source == "none":
+                return  # it knows contacts by their forces alone
             _path(checkout, episode, tally)
             rows = np.arange(0, len(episode), max(1, round(1 / (RATE * episode.dt))))
             scene = Scene(peer, episode, rows)
