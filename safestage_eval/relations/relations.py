@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.declare import RELATIONS, SIGNALS, Options, Signal
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.partial import Partial
@@ -270,9 +271,20 @@ class Relations(Support):
         query = self.signals.query("signal", name, bodies, options=options)
         growth = Growth.WHOLE if self.blind else Growth.PER_FRAME
         partial = self.store.partial(query, frames, measure, growth)
-        if len(bodies) < len(SIGNALS[name].args):  # a sentence names what it was measured against
-            self.graph.bearers(self.episode.body_index[bodies[0]])
+        if self.store.lasting and len(bodies) < len(SIGNALS[name].args):
+            self.bearers(bodies[0], 0)  # what a sentence will name is kept with the numbers
         return partial.series(frames, SIGNALS[name].dimension)
+
+    def bearers(self, body: str, frame: int) -> tuple[str, ...]:
+        """Names of the bodies that bear one directly at a frame."""
+
+        def measure(_: Any) -> dict[str, list[list[int]]]:
+            known = self.graph.bearers(self.episode.body_index[body])
+            names = [b.name for b in self.episode.header.bodies]
+            return {names[b]: runs(on).tolist() for b, on in sorted(known.items())}
+
+        stored = self.store.value(self.signals.query("relation", "bearers", (body,)), measure)
+        return tuple(name for name, spans in stored.items() if any(a <= frame < b for a, b in spans))
 
     def _known_part(self, name: str, bodies: Sequence[str], series: Series) -> Series:
         """Make a signal unknown where something that it may rest on was not measured."""

@@ -235,9 +235,7 @@ class Search(NamedTuple):
         spec, relations = SIGNALS.get(name), self.evaluator.relations
         if spec is None or not spec.support or len(bodies) != 1 or len(spec.args) != 2:
             return ()
-        episode = relations.episode
-        known = relations.graph.bearers(episode.body_index[bodies[0]])
-        return tuple(episode.header.bodies[b].name for b, on in sorted(known.items()) if on[frame])
+        return relations.bearers(bodies[0], frame)
 
     def _not_yet(self, atom: ast.SignalAtom, env: Env, frame: int) -> bool:
         """The robot has had nothing to do with the body: it is measured from the baseline."""
