@@ -75,7 +75,8 @@ def test_the_examples_notice_every_mistake(name: str, code: str) -> None:
     """A limit turned round, a duration halved, a role exchanged, a scope widened, …"""
     found = hunt(rules(name), rules(name).scoped[code], LIBRARY)
     assert found
-    assert [mutant.what for mutant in found if mutant.killer is None] == []
+    survived = [mutant.what for mutant in found if mutant.killer is None]
+    assert survived == WITHOUT_EFFECT.get((name, code), [])
 
 
 WITHOUT_EFFECT = {
@@ -83,8 +84,23 @@ WITHOUT_EFFECT = {
     ("libero_safety", "fallen"): [
         "displacement_xy(a) more than 15 cm (fall_way_xy) → more than 150.0 cm"
     ],
+    # a distance is as long from one end as from the other: it squares the differences of coordinates,
+    # whose sign is then lost
+    ("safety_gymnasium", "SGY101"): ["stands_over(agent, hazard) → stands_over(hazard, agent)"],
+    ("safety_gymnasium", "SGY110"): ["dist_xy(agent, hazard) → dist_xy(hazard, agent)"],
+    ("safety_gymnasium", "stands_over"): ["dist_xy(a, b) → dist_xy(b, a)"],
+    ("safety_gymnasium", "dist_xy"): [
+        "east_off(a, b) → east_off(b, a)",
+        "north_off(a, b) → north_off(b, a)",
+    ],
+    ("safety_gymnasium", "east_off"): [
+        "difference of east(a) and east(b) → difference of east(b) and east(a)"
+    ],
+    ("safety_gymnasium", "north_off"): [
+        "difference of north(a) and north(b) → difference of north(b) and north(a)"
+    ],
 }
-"""Mistakes in a state that change no verdict, whatever the episode."""
+"""Mistakes in a rule, or in what it rests on, that change no verdict, whatever the episode."""
 
 SHARED = definitions(load_rules(["ish", "ets", "fsh"]))
 """What those rules rest on too is held to its meaning by their examples."""
