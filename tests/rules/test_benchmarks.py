@@ -83,6 +83,15 @@ def test_every_value_says_where_it_comes_from(name: str) -> None:
     assert re.search(r"^# Sources: ", source(name), re.MULTILINE)
 
 
+def test_limits_that_were_not_checked_against_their_standard_say_so() -> None:
+    """In the file, on the page, and in every rule and every sentence of a verdict."""
+    for said in (source("iso_ts_15066"), section("iso_ts_15066")):
+        assert "not checked against the standard" in said.lower()
+    for code, rule in load_rules(["iso_ts_15066"]).rules.items():
+        assert "not checked against the standard" in rule.source, code
+        assert "not checked against the standard" in rule.explain, code
+
+
 def test_they_are_read_only_when_named(tmp_path: Path) -> None:
     own = set(load_rules(builtin_names()).rules)
     assert own == set(load_rules([builtin_folder()]).rules)
