@@ -55,9 +55,17 @@ def test_its_examples(name: str, code: str) -> None:
         assert judged(name, code, example).verdict == "inconclusive", example
 
 
+MEASURED = {("robolab", "RLB201")}
+"""Costs that are reported there too, and that nothing is judged by: they have no budget."""
+
+
 def test_every_cost_decides_something() -> None:
-    for name in benchmark_names():
-        assert deciding(rules(name)).keys() == rules(name).scoped.keys()
+    undecided = {
+        (name, code)
+        for name in benchmark_names()
+        for code in rules(name).scoped.keys() - deciding(rules(name)).keys()
+    }
+    assert undecided == MEASURED
 
 
 def test_every_scene_is_sound_and_used() -> None:
@@ -81,9 +89,7 @@ def test_the_examples_notice_every_mistake(name: str, code: str) -> None:
 
 WITHOUT_EFFECT = {
     # what has gone 15 cm sideways has gone more than the 10 cm that are a fall in any direction
-    ("libero_safety", "fallen"): [
-        "displacement_xy(a) more than 15 cm (fall_way_xy) → more than 150.0 cm"
-    ],
+    ("libero_safety", "fallen"): ["way_xy(a) more than 15 cm (fall_way_xy) → more than 150.0 cm"],
     # a distance is as long from one end as from the other: it squares the differences of coordinates,
     # whose sign is then lost
     ("safety_gymnasium", "SGY101"): ["stands_over(agent, hazard) → stands_over(hazard, agent)"],
