@@ -6,9 +6,12 @@ import io
 import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from safestage_eval.formats import load
@@ -20,6 +23,22 @@ SETS = {
     "robosuite": ("robosuite 1.5.2", "robosuite", "a script"),
 }
 """Folder → the simulator, its bind file, the policy."""
+
+BINDS = Path(__file__).parents[1] / "rules" / "bind"
+
+SELECTION = """This selection was made after verdicts had been seen, not before: at first every task was judged by all seven.
+
+- FSH101 to FSH103 ask how a thing was put down. They are left out where the simulator's success comes with the thing
+  still between the fingers (it is lifted, or held in a hole or on a peg), for nothing was put down there. `push`,
+  `push-back` and `push-wall` were added to these after their violations of FSH101 had been looked at: the expert pinches
+  the puck.
+- FSH101 and FSH102 are left out where one thing is stacked on another: a cube upon a cube of its size has no 2 cm to
+  the edge.
+- Tasks of buttons, doors, drawers, faucets, handles, levers, locks, windows and dials, and `reach`, move nothing that
+  these rules speak of: only joints of the scene. `plate-slide` was taken out after its violations of FSH101 and FSH102
+  had been seen: the plate's two joints are slides of the model, and it stands on nothing.
+
+So rates of different groups do not compare, and no rate here is evidence for the rules that were left out."""
 
 NOTES = Path(__file__).with_name("foreign_notes.md")
 """What was seen in pictures, written by hand."""
@@ -38,7 +57,10 @@ def write_page(folder: Path, page: Path) -> None:
         episodes.append(table)
         found.append(rows[rows.assigned & (rows.verdict == "violation")].assign(set=title))
     every, violations = pd.concat(episodes), pd.concat(found)
-    parts += [_rates(every), _found(violations), _undecided(every), NOTES.read_text().rstrip()]
+    parts += [
+        _judged(every), _rates(every), _found(violations), _moved(violations), _undecided(every),
+        NOTES.read_text().rstrip(),
+    ]  # fmt: skip
     page.write_text("\n\n".join(parts) + "\n")
 
 
@@ -65,7 +87,7 @@ def _head() -> str:
 Scripted policies in four simulators, recorded by [`safestage-record`](record_anywhere.md) inside their own
 environments, in every physics step, and judged by ETS and FSH with the bind files that come along
 (`--bind metaworld`, `gymnasium_robotics`, `maniskill`, `robosuite`). An episode ends at the simulator's own
-success, after which the robot is held still for five seconds with the gripper as it was; without success
+success, after which the robot is commanded to stay for five seconds with the gripper as it was; without success
 after 500 control steps (Meta-World), 300 (robosuite) or 150.
 
 ```
@@ -98,7 +120,10 @@ def _episodes(traces: list[Path], rows: pd.DataFrame, problems: dict[str, str]) 
         else:
             outcome = "pass"
         success = bool(header.success)
-        out.append({"task": task, "success": success, "outcome": outcome, "why": why})
+        broken = () if some is None else tuple(some.rule[some.verdict == "violation"])
+        out.append(
+            {"task": task, "success": success, "outcome": outcome, "why": why, "broken": broken}
+        )
     return pd.DataFrame(out)
 
 
@@ -107,15 +132,40 @@ def _reasons(some: pd.DataFrame) -> list[str]:
     return [f"{r.rule}: {r.signal} is not known" for r in undecided.itertuples()]
 
 
+def _judged(every: pd.DataFrame) -> str:
+    """Which rules the bind files assign to which of the recorded tasks, and how that was chosen."""
+    lines = [
+        "## Which rules are judged",
+        "",
+        "Of ets and fsh only ETS106 and FSH101 to FSH106 can apply: the other rules speak of an obstacle, of something "
+        "protected, fragile or liquid, or of a forbidden region, and these tasks name none. Which of the seven are "
+        "judged in a task stands in its bind file:",
+        "",
+        "| simulator | rules | tasks |",
+        "|---|---|---|",
+    ]
+    for title, bind, _ in SETS.values():
+        recorded = sorted(set(every.task[every.set == title]))
+        file = BINDS / f"{bind}.toml"
+        entries: dict[str, Any] = tomllib.loads(file.read_text())["task"]
+        groups: dict[str, list[str]] = {}
+        for task in recorded:
+            rules = entries[task]["rules"] if task in entries else ["none"]
+            groups.setdefault(", ".join(rules), []).append(task)
+        lines += [f"| {title} | {rules} | {', '.join(names)} |" for rules, names in groups.items()]
+    return "\n".join(lines) + "\n\n" + SELECTION
+
+
 def _rates(every: pd.DataFrame) -> str:
     lines = [
         "## Rates",
         "",
         "SR: the simulator's own success, of all episodes. USR: of the successful episodes that were judged and "
-        "decided, those with a violation. Inconclusive and unjudged ones are in neither.",
+        "decided, those with a violation; then the same without FSH104, which depends on what the robot does after "
+        "success (see below). Inconclusive and unjudged ones are in neither.",
         "",
-        "| simulator, task | policy | episodes | SR % | judged | USR % | inconclusive | not judged |",
-        "|---|---|---|---|---|---|---|---|",
+        "| simulator, task | policy | episodes | SR % | judged | USR % | without FSH104 | inconclusive | not judged |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for title, one in every.groupby("set", sort=False):
         lines.append(_line(f"**{title}**", one))
@@ -127,14 +177,18 @@ def _rates(every: pd.DataFrame) -> str:
 def _line(name: str, some: pd.DataFrame) -> str:
     decided = some[some.outcome.isin(["pass", "violation"])]
     reached = decided[decided.success]
-    unsafe = (reached.outcome == "violation").sum()
     policies = sorted(set(some.policy))
-    rate = f"{100 * unsafe / len(reached):.0f} ({unsafe}/{len(reached)})" if len(reached) else "–"
+    rate = _share((reached.outcome == "violation").sum(), len(reached))
+    other = _share(sum(any(rule != "FSH104" for rule in b) for b in reached.broken), len(reached))
     return (
         f"| {name} | {policies[0] if len(policies) == 1 else ''} | {len(some)} "
-        f"| {100 * some.success.mean():.0f} | {len(decided)} | {rate} "
+        f"| {100 * some.success.mean():.0f} | {len(decided)} | {rate} | {other} "
         f"| {(some.outcome == 'inconclusive').sum()} | {(some.outcome == 'not judged').sum()} |"
     )
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.0f} ({part}/{whole})" if whole else "–"
 
 
 def _found(rows: pd.DataFrame) -> str:
@@ -150,6 +204,45 @@ def _found(rows: pd.DataFrame) -> str:
             f"| {title}, {task} | {rule} | {some.path.nunique()} | {one.episode_id}: {one.explanation} |"
         )
     return "\n".join(lines)
+
+
+def _moved(rows: pd.DataFrame) -> str:
+    """Whether what did not stay moved with the gripper, or left it."""
+    lines = [
+        "## What FSH104 rests on",
+        "",
+        "These episodes end at success, often with the thing in the gripper, and what follows is the recording's choice: "
+        "the robot is commanded to stay (a step of zero). A controller that lags behind its command, or gives way "
+        "under a load, moves on nevertheless and takes the thing along; a policy that went on would have given other "
+        "verdicts. So FSH104 says here how the environment stops rather than how the policy places. "
+        "Counted by the way of the thing since success beside that of the part of the gripper that was next to it then:",
+        "",
+        "| simulator, task | FSH104 violated | moved with the gripper (within 2 cm of it) | left the gripper | median way of the gripper |",
+        "|---|---|---|---|---|",
+    ]
+    for (title, task), some in rows[rows.rule == "FSH104"].groupby(["set", "task"], sort=False):
+        ways = [_ways(Path(str(row.path)), str(row.signal)) for row in some.itertuples()]
+        along = sum(apart <= 0.02 for _, apart in ways)
+        travel = 100 * float(np.median([gripper for gripper, _ in ways]))
+        lines.append(
+            f"| {title}, {task} | {len(ways)} | {along} | {len(ways) - along} | {travel:.1f} cm |"
+        )
+    return "\n".join(lines)
+
+
+def _ways(path: Path, signal: str) -> tuple[float, float]:
+    """Largest way (m) of the gripper since success, and of the thing relative to it (no rotation)."""
+    trace = load(path)
+    name = re.sub(r"^\w+\((.*?)\).*$", r"\1", signal)
+    thing = np.asarray(trace.track(name).position)
+    hold = trace.header.post_success_hold or 0.0
+    begin = int(np.searchsorted(trace.t, trace.t[-1] - hold))
+    grippers = [b.name for b in trace.header.bodies if b.kind == "gripper"]
+    places = [np.asarray(trace.track(name).position) for name in grippers]
+    hand = min(places, key=lambda p: float(np.linalg.norm(p[begin] - thing[begin])))
+    gone = hand[begin:] - hand[begin]
+    apart = thing[begin:] - thing[begin] - gone
+    return tuple(float(np.linalg.norm(way, axis=1).max()) for way in (gone, apart))  # type: ignore[return-value]
 
 
 def _undecided(every: pd.DataFrame) -> str:
@@ -171,4 +264,5 @@ def _undecided(every: pd.DataFrame) -> str:
 def _in_general(why: str) -> str:
     """A reason without the numbers of one episode."""
     why = re.sub(r"at \d+\.\d+ s", "at some time", why)
-    return re.sub(r"\d+\.\d+(?:e[-+]\d+)?", "…", why)
+    why = re.sub(r"in \d+ frames", "in some frames", why)
+    return re.sub(r"-?\d+\.\d+(?:e[-+]\d+)?", "…", why)

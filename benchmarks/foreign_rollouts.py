@@ -3,7 +3,7 @@
     python benchmarks/foreign_rollouts.py record metaworld FOLDER [--seeds 0-6]   # in its environment
     python benchmarks/foreign_rollouts.py page FOLDER docs/foreign_rollouts.md    # in SafeStage's
 
-Recording needs ``recorder/`` and ``benchmarks/`` on PYTHONPATH. Every environment writes
+Both need ``recorder/`` and ``benchmarks/`` on PYTHONPATH, the page the repository's root, too. Every environment writes
 FOLDER/NAME/TASK.SEED.zip; one that is there already is left alone.
 """
 
