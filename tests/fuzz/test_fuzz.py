@@ -14,6 +14,7 @@ from outcome import compared, unchanged, weakened
 from seeds import recorded, rules
 from targets import TARGETS, attempt
 
+from safestage_eval.episode import Track
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
 from safestage_eval.run.score_episode import score_episode
@@ -81,7 +82,7 @@ def stored(tmp_path_factory):
 def test_the_oracle_tells_what_a_trace_lost_or_gained(stored):
     whole = stored[1].episode
     assert not vars(difference(whole, whole))["lost"]
-    track = whole.tracks["bottle"]
+    track = Track(**whole.tracks["bottle"].columns)
     for value, part in ((float("nan"), "lost"), (1.0, "hashed")):
         position = track.position.copy()
         position[3:9] = value
@@ -99,7 +100,7 @@ def test_a_changed_value_under_the_sound_hash_must_be_noticed(stored):
     """Where a file vouches for its content, another verdict is no lie, but a breach."""
     path, known = stored
     (ref,) = discover(path)
-    track = known.episode.tracks["bottle"]
+    track = Track(**known.episode.tracks["bottle"].columns)
     moved = replace(track, position=track.position + 1)
     other = replace(known.episode, tracks={**known.episode.tracks, "bottle": moved})
     turned = dict.fromkeys(known.verdicts, "pass")
