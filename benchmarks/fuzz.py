@@ -325,6 +325,7 @@ def joined(one: Tally, other: Tally) -> Tally:
 
 def once(key: str, asked: argparse.Namespace, folder: Path) -> int:
     """One input in this process."""
+    (folder / "seeds").mkdir()
     target = TARGETS[key](folder / "seeds")
     target.folder = folder
     told = attempt(target, asked.only, asked.seed)
