@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -26,8 +24,6 @@ if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
     from safestage_eval.metrics.paired import By
     from safestage_eval.verdicts import EpisodeResult
-
-_COMMAND = "from safestage_eval.cli import main; main()"
 
 
 class Findings(tuple[Finding, ...]):
@@ -234,19 +230,13 @@ class Scores:
         ``episode``: its id, or a part that only it has; may be left out where there is one.
         Raises InputError for an id that no episode has, or where there are several.
         """
+        from safestage_eval.viewer.campaign.campaign_data import judged
+        from safestage_eval.viewer.run_report import report_page
+
         ref = self._ref(episode)
         path = Path(tempfile.mkdtemp(prefix="safestage-")) / "episode.html"
-        asked = [arg for rule in self._settings.rules for arg in ("--rules", str(rule))]
-        for name, value in (self._settings.overrides or {}).items():
-            asked += ["--set", f"{name}={value}"]
-        asked += self._asked
-        place = [str(ref.path), "--episode", ref.episode_id, "--output", str(path), "--no-open"]
-        done = subprocess.run(  # noqa: S603 — the command, in a process of its own
-            [sys.executable, "-c", _COMMAND, "view", *place, *asked],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode:
-            raise InputError(ref.episode_id, done.stderr.strip() or "cannot be shown.")
+        report = judged([ref], self._settings, ref.episode_id, str(ref.path), jobs=1, sweep=False)
+        path.write_text(report_page(report), "utf-8")
         return Page(path)
 
     def plot(self, episode: str | None = None, *signals: str, rule: str | None = None) -> Picture:
@@ -282,9 +272,6 @@ class Scores:
             [in_si_units(row) for row in rows(self._judged)],
             schema=list(COLUMNS), infer_schema_length=None,
         )  # fmt: skip
-
-    _asked: Sequence[str] = ()
-    """Options of the command line that bind roles and rules."""
 
     def _result(self, episode: str) -> EpisodeResult:
         ref = self._ref(episode)
@@ -380,10 +367,4 @@ def score(
         tuple(results), tuple(problems), titles(asked.rule_set), tuple(copies),
         tuple(chosen.aborted), gates=Gates.of(specs),
     )  # fmt: skip
-    scores = Scores(judged, refs, asked)
-    scores._asked = [  # noqa: SLF001
-        *(("--bind", str(bind)) if bind is not None else ()),
-        *(arg for code in codes for arg in ("--assign", code)),
-        *(arg for role in named for arg in ("--role", role)),
-    ]
-    return scores
+    return Scores(judged, refs, asked)

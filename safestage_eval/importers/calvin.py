@@ -73,7 +73,7 @@ class Calvin(Importer):
         super().__init__(path, settings)
         try:
             with (path / IDS).open("rb") as stream:
-                ids = np.load(stream, allow_pickle=False)
+                ids = np.load(stream)
             pairs = np.asarray(ids, np.int64).reshape(-1, 2)
         except (OSError, ValueError) as error:
             raise InputError(f"{path}/{IDS}", f"cannot be read: {error}") from None
@@ -134,7 +134,7 @@ class Calvin(Importer):
     def _frame(self, number: int) -> dict[str, F64]:
         path = self.path / f"episode_{number:07d}.npz"
         try:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
+            with path.open("rb") as stream, np.load(stream) as found:
                 frame = {
                     key: np.asarray(found[key], np.float64)
                     for key in ("scene_obs", "robot_obs", "actions")

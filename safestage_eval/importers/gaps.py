@@ -35,5 +35,5 @@ class Gaps:
             for error in self._found:
                 raise error
             return
-        lines = [f"\n  {i}. {error}" for i, error in enumerate(self._found, 1)]
-        raise SourceError(self._where, f"lacks {len(lines)} things:{''.join(lines)}")
+        gaps = " ".join(f"({i}) {error}" for i, error in enumerate(self._found, 1))
+        raise SourceError(self._where, f"lacks {len(self._found)} things: {gaps}")

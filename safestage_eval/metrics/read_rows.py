@@ -25,7 +25,7 @@ _NUMBERS = (
     "margin", "margin_normalised", "value", "limit", "time", "worst_time", "success_time",
     "exposure_time",
 )  # fmt: skip
-_LISTS = ("bodies", "intervals", "raw_intervals", "sources", "notes")
+_LISTS = ("bodies", "breaches_by_level", "intervals", "raw_intervals", "sources", "notes")
 _HALF = "\\ud"
 """A surrogate pair as JSON may escape it."""
 _SAID = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}

@@ -284,7 +284,9 @@ class Relations(Support):
             return {names[b]: runs(on).tolist() for b, on in sorted(known.items())}
 
         stored = self.store.value(self.signals.query("relation", "bearers", (body,)), measure)
-        return tuple(name for name, spans in stored.items() if any(a <= frame < b for a, b in spans))
+        return tuple(
+            name for name, spans in stored.items() if any(a <= frame < b for a, b in spans)
+        )
 
     def _known_part(self, name: str, bodies: Sequence[str], series: Series) -> Series:
         """Make a signal unknown where something that it may rest on was not measured."""
