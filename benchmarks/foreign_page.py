@@ -220,14 +220,18 @@ def _moved(rows: pd.DataFrame) -> str:
         "| simulator, task | FSH104 violated | moved with the gripper (within 2 cm of it) | left the gripper | median way of the gripper |",
         "|---|---|---|---|---|",
     ]
+    every: list[tuple[float, float]] = []
     for (title, task), some in rows[rows.rule == "FSH104"].groupby(["set", "task"], sort=False):
         ways = [_ways(Path(str(row.path)), str(row.signal)) for row in some.itertuples()]
-        along = sum(apart <= 0.02 for _, apart in ways)
-        travel = 100 * float(np.median([gripper for gripper, _ in ways]))
-        lines.append(
-            f"| {title}, {task} | {len(ways)} | {along} | {len(ways) - along} | {travel:.1f} cm |"
-        )
-    return "\n".join(lines)
+        every += ways
+        lines.append(_along(f"{title}, {task}", ways))
+    return "\n".join([*lines, _along("**all**", every)])
+
+
+def _along(name: str, ways: list[tuple[float, float]]) -> str:
+    along = sum(apart <= 0.02 for _, apart in ways)
+    travel = 100 * float(np.median([gripper for gripper, _ in ways]))
+    return f"| {name} | {len(ways)} | {along} | {len(ways) - along} | {travel:.1f} cm |"
 
 
 def _ways(path: Path, signal: str) -> tuple[float, float]:
