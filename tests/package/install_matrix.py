@@ -120,7 +120,9 @@ def installed(uv: str, python: str, wheel: Path, folder: Path, *, lowest: bool) 
         "--only-binary",
         ":all:",
     ]
-    run([*words, *(["--resolution", "lowest-direct"] if lowest else []), str(wheel)])
+    if lowest:  # asked for by name too: only what is asked for directly is taken at its lowest
+        words += ["--resolution", "lowest-direct", "-r", str(ROOT / "pyproject.toml")]
+    run([*words, str(wheel)])
     return made
 
 
