@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 import zipfile
 from collections.abc import Iterator
@@ -182,6 +183,7 @@ def _mesh(archive: zipfile.ZipFile, key: str, where: str) -> Mesh:
 def _about(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
     try:
         about = from_json(_bytes(archive, HEADER, where))
+        json.dumps(about, ensure_ascii=False).encode()  # no half of a character
     except (ValueError, RecursionError) as error:
         raise TraceError(where, f"{HEADER} cannot be read: {error}.") from None
     if not isinstance(about, dict):
@@ -220,7 +222,7 @@ def _bytes(archive: zipfile.ZipFile, name: str, where: str) -> bytes:
         raise TraceError(where, f"{name} is compressed, or larger than {MOST} bytes.", "stored")
     try:
         return archive.read(member)
-    except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, EOFError, ValueError, RuntimeError, NotImplementedError) as error:
         raise TraceError(
             where, f"{name} is damaged: {error}.", fix="copy the file again, or record again"
         ) from None

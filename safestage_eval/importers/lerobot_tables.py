@@ -82,10 +82,13 @@ class Tables:
                 f"[columns] names {missing[0]!r}, which is no column of {file.name}.",
                 ", ".join(n for n in schema.names if n not in OWN),
             )
-        leaves = [g.column(i) for g in map(metadata.row_group, range(metadata.num_row_groups))
-                  for i in range(metadata.num_columns)]  # fmt: skip
         names = {*wanted, *OWN}
-        values = sum(x.num_values for x in leaves if x.path_in_schema.partition(".")[0] in names)
+        with _reading(file):
+            leaves = [g.column(i) for g in map(metadata.row_group, range(metadata.num_row_groups))
+                      for i in range(metadata.num_columns)]  # fmt: skip
+            values = sum(
+                x.num_values for x in leaves if x.path_in_schema.partition(".")[0] in names
+            )
         current().demand_decoded(8 * values, file.stat().st_size, str(file))
         also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]
         read = list(dict.fromkeys([*wanted, *also, "episode_index"]))
@@ -121,7 +124,14 @@ def _reading(file: Path) -> Iterator[None]:
     """Raises TraceError for what cannot be read."""
     try:
         yield
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # Arrow raises these
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        RuntimeError,
+        MemoryError,
+    ) as error:  # Arrow's
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise TraceError(str(file), f"cannot be read: {reason}.", fix="download it again") from None
 
