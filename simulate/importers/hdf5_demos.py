@@ -34,7 +34,8 @@ class DemoFile:
             return None
         file = cls(path)
         try:
-            return file._told_by()
+            with layout(str(path)):
+                return file._told_by()
         finally:
             file.close()
 
@@ -90,7 +91,7 @@ class DemoFile:
                 actions=actions if actions.ndim == 2 else np.zeros((0, 0)),
                 rewards=columns.get("rewards"),
                 meta=_json(demo.attrs.get("ep_meta")),
-                about={key: _text(value) or value for key, value in data.attrs.items()},
+                about={k: _text(v) or v for k, v in data.attrs.items() if np.ndim(v) == 0},
                 index=_number(name),
             )
 

@@ -176,7 +176,7 @@ def _texts(content: bytes) -> tuple[bytes, dict[str, str]]:
         pair = []
         for _ in range(2):
             n = int.from_bytes(content[at : at + 4], "little")
-            pair.append(content[at + 4 : at + 4 + n].decode())
+            pair.append(content[at + 4 : at + 4 + n].decode("utf-8", "replace"))
             at += 4 + n
         texts[pair[0]] = pair[1]
     return content[: 4 + size], texts
