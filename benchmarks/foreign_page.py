@@ -41,7 +41,7 @@ SELECTION = """This selection was made after verdicts had been seen, not before:
 So rates of different groups do not compare, and no rate here is evidence for the rules that were left out."""
 
 NOTES = Path(__file__).with_name("foreign_notes.md")
-"""What was seen in pictures, written by hand."""
+"""Notes on the pictures that were looked at, written by hand."""
 
 
 def write_page(folder: Path, page: Path) -> None:

@@ -67,7 +67,7 @@ class Tally:
     found: list[list[Any]] = field(default_factory=list)
     """Number, kind, what was done and what was said, of what may not be."""
     lies: list[list[Any]] = field(default_factory=list)
-    """The same of inputs that nobody can tell from another sound one."""
+    """The same four values of each lie: valid values under no checksum."""
     seconds: float = 0.0
     done: list[list[int]] = field(default_factory=list)
     """Seed, first number and last + 1 of each batch."""
@@ -114,7 +114,7 @@ class Batch:
         os.close(tell)
 
     def told(self) -> list[list[Any]]:
-        """What it has said since; nothing more after its end."""
+        """Return new output of the process; none after its end."""
         part = os.read(self.out, 1 << 20)
         self.buffer += part
         *lines, self.buffer = self.buffer.split(b"\n")
@@ -308,7 +308,7 @@ def write(page: Path, tallies: dict[str, Tally]) -> None:
 
 
 def stored(path: Path | None) -> dict[str, Tally]:
-    """What earlier runs came to."""
+    """Read the counts of earlier runs."""
     if path is None or not path.is_file():
         return {}
     told = json.loads(path.read_text("utf-8"))
@@ -316,7 +316,7 @@ def stored(path: Path | None) -> dict[str, Tally]:
 
 
 def joined(one: Tally, other: Tally) -> Tally:
-    """What two parts of a campaign came to."""
+    """Add up the counts of two parts of a campaign."""
     return Tally(
         one.counts + other.counts, one.found + other.found, one.lies + other.lies,
         one.seconds + other.seconds, one.done + other.done,

@@ -26,7 +26,7 @@ def with_states(name: str, states: str) -> RuleSet:
 
 
 class Asked:
-    """What an episode tells under a rule set."""
+    """Signals and states of an episode, by expressions under a rule set."""
 
     def __init__(self, episode: Episode, rules: RuleSet) -> None:
         self.episode, self.rules = episode, rules

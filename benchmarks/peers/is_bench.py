@@ -35,7 +35,7 @@ Raw = dict[str, Any]
 FUTURE = {
     "future.utils": {"with_metaclass": lambda meta, *bases: meta("Base", bases or (object,), {})}
 }
-"""What it takes from the package future."""
+"""Names that the peer imports from the package future."""
 
 
 def raw_conditions(checkout: Path) -> Iterator[tuple[str, Raw, list[str]]]:

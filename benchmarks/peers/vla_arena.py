@@ -22,7 +22,7 @@ ENVS = "vla_arena/vla_arena/envs"
 
 
 def _quaternions() -> SimpleNamespace:
-    """What it calls of robosuite's transform_utils, which takes the real part last."""
+    """Functions that it calls of robosuite's transform_utils, quaternions xyzw."""
 
     def multiply(a: Any, b: Any) -> NDArray[np.float64]:
         return np.asarray((Rotation.from_quat(a) * Rotation.from_quat(b)).as_quat(canonical=False))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, Sequence
 
 import numpy as np
@@ -49,13 +50,13 @@ class PointRecorder(RolloutRecorder):
 
     # ------------------------------------------------------------------ what a simulator supplies
 
+    @abstractmethod
     def _take_frame(self) -> None:
         """Copy what is now, and keep it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _points(self) -> Any:
         """(C,) CONTACT_POINT of the last step; ``peak_force`` is each one's normal force."""
-        raise NotImplementedError
 
     # ------------------------------------------------------------------ inside
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Sequence
@@ -24,7 +25,7 @@ MOST_WAITING = 256
 LONGEST_WAIT = 1.0
 
 
-class RolloutRecorder:
+class RolloutRecorder(ABC):
     """Records one rollout; as a context manager it writes the file at the end of the block.
 
     A subclass for a simulator sets ``_bodies``, ``_joints``, ``_meshes`` and calls ``_keep`` for
@@ -133,9 +134,9 @@ class RolloutRecorder:
         return len(self._steps)
 
     @property
+    @abstractmethod
     def time(self) -> float:
         """s, time of the simulation."""
-        raise NotImplementedError
 
     def __len__(self) -> int:
         """Frames so far."""
@@ -177,27 +178,27 @@ class RolloutRecorder:
 
     # ------------------------------------------------------------------ what a simulator supplies
 
+    @abstractmethod
     def _end_step(self) -> None:
         """Keep what frames a control step still lacks."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
         """``BODY_COLUMNS`` (T, M, 3 or 4), joints and gripper (T, width) of frames as kept."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _contacts(self) -> tuple[Any, Any]:
         """(C,) CONTACT_POINT of the frames since the last call, and (T,) how many each has."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _fixed(self) -> tuple[Any, Any]:
         """(F, 3) m and (F, 4) wxyz, poses of the bodies that do not move."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _sees(self) -> bool:
         """Whether physics steps between frames are looked at."""
-        raise NotImplementedError
 
-    def _watch_no_more(self) -> None:
+    def _watch_no_more(self) -> None:  # noqa: B027 - only where something was hooked in
         """Leave the simulator as it was."""
 
     # ------------------------------------------------------------------ inside

@@ -64,7 +64,7 @@ class Finding:
 
     @property
     def signal(self) -> str | None:
-        """What was measured."""
+        """The measured signal with its bodies, as ``clearance(cup, vase)``."""
         return self.of.signal
 
     @property

@@ -302,7 +302,7 @@ class Scores:
         return coverage(rates(outcomes(judged.results)), len(judged.problems) + len(judged.aborted))
 
     def __repr__(self) -> str:
-        """What was judged, and the rates."""
+        """Return the number of judged episodes and the rates as text."""
         return f"{self._coverage()}\n{self.rates.to_string(index=False)}"
 
     def _repr_html_(self) -> str:

@@ -69,7 +69,7 @@ PLACES = (
 
 
 def run(words: list[str], **more: object) -> str:
-    """What a command printed. Raises RuntimeError with its last lines where it fails."""
+    """Return the output of a command. Raises RuntimeError with its last lines if it fails."""
     done = subprocess.run(
         words, capture_output=True, text=True, errors="replace", timeout=LIMIT, check=False, **more
     )
