@@ -102,8 +102,15 @@ def prepare(preload: str) -> None:
         multiprocessing.forkserver.ensure_running()
 
 
+_server_parents: set[int] = set()
+"""Ids of the processes that have asked for a fork server: this one, or one it was forked from."""
+
+
 def _context(preload: str | None) -> SpawnContext | ForkServerContext:
     if preload is None or not FORKS or len(os.fsencode(get_temp_dir())) > SOCKET_PATH:
+        return multiprocessing.get_context("spawn")
+    _server_parents.add(os.getpid())
+    if len(_server_parents) > 1:  # only the server's own parent can wait for it
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([preload])

@@ -49,14 +49,23 @@ def _blocks(
     table: Table, head: list[str], rows: Cells, width: int | None
 ) -> Iterator[tuple[int, ...]]:
     """The columns that are shown together, time and again."""
-    names, others = range(min(table.names, table.width)), range(table.names, table.width)
+    names = [*range(min(table.names, table.width))]
     least = [_room(table, head, rows, i) for i in range(table.width)]
+
+    def fits(columns: list[int]) -> bool:
+        wide = sum(least[i] for i in columns) + len(GAP) * (len(columns) - 1)
+        return width is None or wide <= width
+
+    shown: set[int] = set()
     now = [*names]
-    for i in others:
-        wide = sum(least[j] for j in (*now, i)) + len(GAP) * len(now)
-        if width is not None and wide > width and len(now) > len(names):
-            yield tuple(now)
+    for i in range(table.names, table.width):
+        if not fits([*now, i]):
+            if not shown.issuperset(now):
+                yield tuple(now)
+                shown.update(now)
             now = [*names]
+            while len(now) > 1 and not fits([*now, i]):  # the first name still tells the row
+                now.pop()
         now.append(i)
     yield tuple(now)
 

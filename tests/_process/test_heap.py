@@ -47,7 +47,7 @@ before = held()
 bound = heap.Bound((before + 40) << 20)
 kept = []
 for _ in range(100):  # what goes and what stays, in turn
-    kept.append((bytearray(1 << 20), bytearray(1000)))
+    kept.append((bytearray(b"x") * (1 << 20), bytearray(1000)))  # written, thus resident
 kept = [small for _, small in kept]
 print(held() - before, bound.hold(), held() - before, bound.hold())
 """

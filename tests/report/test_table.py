@@ -3,7 +3,7 @@
 import json
 import math
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
@@ -37,6 +37,7 @@ WORDS = st.lists(st.text("abcdefg_./", min_size=1, max_size=9), max_size=9).map(
              min_size=1, max_size=4),
     st.integers(30, 90),
 )  # fmt: skip
+@example([("_" * 9, "_" * 9, *["0.0 3/7"] * 9, "_" * 9)], 30)
 @settings(max_examples=40)
 def test_a_table_fits_and_loses_or_breaks_no_word(rows, width):
     head = ("name", "a long head", *(f"share {i} of all" for i in range(9)), "what was seen")
