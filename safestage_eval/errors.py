@@ -1,4 +1,4 @@
-"""What can be wrong with a user's input, said so that it can be mended.
+"""Errors in a user's input, worded so that the user can fix them.
 
 Every message has the same four parts: *where* (file, row, line), *what* is wrong, what is
 *allowed*, and how to *fix* it. The command line prints them as they are and exits with 2.

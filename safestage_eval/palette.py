@@ -24,7 +24,7 @@ GROUNDS = {
     "surface": Pair("#ffffff", "#1b2026"),
     "sunken": Pair("#eff1f2", "#161a1f"),
 }
-"""What text and marks stand on."""
+"""Background colours."""
 
 INKS = {
     "line": Pair("#d8dcdf", "#343b44"),

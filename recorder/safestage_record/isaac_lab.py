@@ -280,7 +280,7 @@ class IsaacLabRecorder(RolloutRecorder):
 
 
 class SafestageTerm:
-    """What a ``RecorderTerm`` does to record every environment: see the page for the class to write."""
+    """Hooks of a ``RecorderTerm`` that records every environment: see the page for the class to write."""
 
     def __init__(self, env: Any, folder: str | Path, **settings: Any) -> None:
         """``settings``: of ``IsaacLabRecorder``; ``task`` names the traces."""

@@ -25,7 +25,7 @@ except ImportError:  # Windows has no such locks; there nobody may read a runnin
 
 MAGIC = b"safestage-journal 1\n"
 SUFFIX = ".unfinished"
-"""What follows the name of the trace in the journal's name."""
+"""Suffix of the journal's name after the name of the trace."""
 
 _HEAD = struct.Struct("<QI")
 _SIZE = struct.Struct("<I")

@@ -1,4 +1,4 @@
-"""What recorders of simulators that list contacts as points have in common."""
+"""Base of recorders for simulators that list contacts as points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What keeps a rollout from being recorded."""
+"""Errors that keep a rollout from being recorded."""
 
 from __future__ import annotations
 

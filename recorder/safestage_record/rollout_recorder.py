@@ -1,4 +1,4 @@
-"""What every recorder does, whatever the simulator: control steps, success, the file."""
+"""Recording common to all simulators: control steps, success, the file."""
 
 from __future__ import annotations
 
@@ -115,11 +115,11 @@ class RolloutRecorder(ABC):
         self._fields.update(fields)
 
     def report(self) -> str:
-        """What was recorded, guessed and is missing, in lines; what to pass where a guess is wrong."""
+        """Lines on what was recorded, guessed and is missing, and what to pass where a guess is wrong."""
         return "\n".join(f"{name}: {text}" for name, text in self._tell().items())
 
     def tells(self) -> str:
-        """What rules can be told of grasps, tilts and forces, in one line."""
+        """One line: which rules on grasps, tilts and forces this recording can decide."""
         told = self._tell()
         return ";  ".join(f"{name}: {told[name]}" for name in ("held", "tilt", "forces"))
 
@@ -298,7 +298,7 @@ class RolloutRecorder(ABC):
         return {**header, **self._fields}
 
     def _own_remarks(self) -> list[dict[str, str]]:
-        """What this simulator does not tell."""
+        """Facts that this simulator does not provide."""
         return []
 
 

@@ -1,4 +1,4 @@
-"""What a recording has, lacks and guesses: as lines for people, and as remarks in the header."""
+"""Report on what a recording has, lacks and guesses: lines for people, remarks for the header."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the user says of the bodies, by their places in the scene, and what names alone tell."""
+"""Facts about bodies from the user, by their places in the scene, and from their names."""
 
 from __future__ import annotations
 

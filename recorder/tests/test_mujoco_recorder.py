@@ -46,7 +46,7 @@ def command(data, i):
 
 
 class Witness:
-    """What MuJoCo itself says of every step, by its own functions."""
+    """MuJoCo's own answers for every step."""
 
     def __init__(self, model, data):
         self.model, self.data, self.steps = model, data, []

@@ -1,1 +1,1 @@
-"""What a process holds and starts: memory limits, spawned children, compiled kernels."""
+"""Process resources: memory limits, spawned children, compiled kernels."""

@@ -28,7 +28,7 @@ PATIENCE = 2.0
 
 @dataclass(frozen=True)
 class Question:
-    """What a process is asked, and what it may take.
+    """Task of a process, and its limits of time and memory.
 
     Attributes:
         what: any object that can be pickled.

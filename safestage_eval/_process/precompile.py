@@ -34,13 +34,13 @@ if sys.platform != "win32":  # where two processes may compile the same kernel
 
 SIGNATURES = Path(__file__).with_name("kernel_signatures.json")
 PROGRAM = f"from {__name__} import serve; serve()"
-"""What a process that compiles is started with."""
+"""Program of a compiling process."""
 
 LOOK = 0.1
 """s between two looks whether another process has finished compiling."""
 
 READY, COMPILED, FINISHED, ENDED = "ready", "compiled", "finished", "ended"
-"""What is said of a process: it waits for its first room, has compiled a kernel, a room, is gone."""
+"""States of a compiling process: waiting for its first room, kernel compiled, room compiled, gone."""
 
 Tell = Callable[[int, int], None]
 

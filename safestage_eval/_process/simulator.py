@@ -10,7 +10,7 @@ NAME = "simulate"
 
 
 def why_not() -> str | None:
-    """What is to be done before it can be used; None if nothing. MuJoCo itself is not imported."""
+    """Steps that make the simulator usable; None if it already is. Does not import MuJoCo."""
     spec = importlib.util.find_spec(NAME)
     if spec is None:
         return "pip install 'safestage[simulate]'"

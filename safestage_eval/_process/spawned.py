@@ -26,7 +26,7 @@ FORKS = sys.platform == "linux"
 """Whether processes may be forked from one that has loaded libraries; elsewhere systems forbid it."""
 
 READY = "ready"
-"""What a process says first."""
+"""First message of a new process."""
 
 SOCKET_PATH = 107 - len("/listener-xxxxxxxx")
 """Bytes that the folder of a Unix socket may have in its path: the system allows no more."""

@@ -1,1 +1,1 @@
-"""What stands before every server: whom it answers, how much it takes, and that one message ends nothing."""
+"""Guards for every server: allowed origins and hosts, size limits, isolation of each message."""

@@ -29,7 +29,7 @@ _HOST = re.compile(r"(\[[0-9A-Fa-f:.]{2,45}\]|[^\s:/@\[\]]{1,253})(?::(\d{1,5}))
 
 @dataclass(frozen=True)
 class Guard:
-    """What one server answers.
+    """Access limits of one server.
 
     Attributes:
         names: host names besides those of the loopback interface and the address that a caller

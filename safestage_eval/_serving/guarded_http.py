@@ -96,7 +96,7 @@ class GuardedHandler(BaseHTTPRequestHandler):
         raise Refused(HTTPStatus.NOT_FOUND, "no such page")
 
     def not_saved(self, error: OSError) -> str:
-        """What to say where a disk failed."""
+        """Answer to a failed disk."""
         return str(error.strerror or error)
 
     def do_GET(self) -> None:

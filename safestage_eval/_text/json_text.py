@@ -9,7 +9,7 @@ from safestage_eval.size_limits import current
 
 
 def from_json(text: str | bytes) -> Any:
-    """What a text says.
+    """Parse a JSON text.
 
     Raises:
         json.JSONDecodeError: it is no JSON, lists lie within one another without end, or it is longer

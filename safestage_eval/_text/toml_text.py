@@ -18,7 +18,7 @@ _LONG_KEY = re.compile(
 
 
 def from_toml(text: str) -> dict[str, Any]:
-    """What a text says.
+    """Parse a TOML text.
 
     Raises:
         tomllib.TOMLDecodeError: it is no TOML.

@@ -1,4 +1,4 @@
-"""What notebooks show: cards, tables, texts, pictures and pages. Words from traces are escaped."""
+"""HTML for notebooks: cards, tables, texts, pictures and pages. Words from traces are escaped."""
 
 from __future__ import annotations
 

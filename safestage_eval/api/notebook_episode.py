@@ -125,7 +125,7 @@ class Episode(model.Episode):
 
     @cached_property
     def _relations(self) -> Relations:
-        """What was measured stays."""
+        """Measurements, kept for later calls."""
         from safestage_eval.evidence.measure import Signals
         from safestage_eval.relations.relations import Relations
 

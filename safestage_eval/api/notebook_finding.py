@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Shown(Protocol):
-    """What shows an episode: ``Scores``."""
+    """An object that can show an episode: ``Scores``."""
 
     def plot(self, episode: str | None = None, *signals: str, rule: str | None = None) -> Picture:
         """Draw signals, or what decides a rule."""
@@ -49,7 +49,7 @@ class Finding:
 
     @property
     def explanation(self) -> str:
-        """What was seen, or why it cannot be decided, in a sentence."""
+        """One sentence: the event that was seen, or why the rule cannot be decided."""
         return self.of.explanation or self.of.title
 
     @property

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Findings(tuple[Finding, ...]):
-    """What is not safe, the gravest of each episode first; a table in a notebook."""
+    """Unsafe and undecided verdicts, the gravest of each episode first; a table in a notebook."""
 
     __slots__ = ()
 

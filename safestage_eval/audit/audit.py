@@ -30,7 +30,7 @@ Tell = Callable[[int, int | None], None]
 
 @dataclass(frozen=True)
 class Audit:
-    """What an audit came to.
+    """Result of an audit.
 
     Attributes:
         findings: of each episode, in the order in which they were found, then of the evaluation.
@@ -118,7 +118,7 @@ def audit(
 def audit_campaign(
     campaign: Campaign, checks: Iterable[Check], known: Iterable[Finding] = ()
 ) -> list[Finding]:
-    """What the checks of an evaluation find.
+    """Run the checks of an evaluation.
 
     ``known``: findings of the episodes; one of ``Check.unless`` explains what is about its episode alone.
     """

@@ -19,7 +19,7 @@ from .finding import Defect, Severity
 Of = Literal["recording", "scene", "evaluation"]
 
 CODES: dict[Of, str] = {"recording": "AUD1", "scene": "AUD2", "evaluation": "AUD3"}
-"""What a check is about → how its code begins."""
+"""Subject of a check → prefix of its code."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from .subject import Subject
 
 @dataclass(frozen=True)
 class Audited:
-    """What was found in one episode; can be pickled.
+    """Findings of one episode; can be pickled.
 
     Attributes:
         summary: for the checks of an evaluation.
@@ -46,7 +46,7 @@ def audit_episode(
 
 
 def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> list[Finding]:
-    """What the checks of an episode find, in the order of the checks.
+    """Run the checks of an episode; findings in the order of the checks.
 
     A defect that an earlier check of ``Check.unless`` explains is left out.
     """

@@ -64,7 +64,7 @@ def _cheap() -> tuple[Check, ...]:
 def look(
     episode: Episode, rules: RuleSet, bind: BindFile | None, result: EpisodeResult
 ) -> dict[str, Any]:
-    """What the cheap checks need and find in an episode that was just judged, as JSON values.
+    """Facts and findings of the cheap checks in an episode that was just judged, as JSON values.
 
     Returns:
         ``findings``, and the ``summary`` for the checks of an evaluation.
@@ -77,7 +77,7 @@ def look(
 
 
 def audit_scores(scores: Scores) -> Audit | None:
-    """What was found in the episodes of a run, and in the evaluation that they make.
+    """Findings in the episodes of a run, and in the evaluation as a whole.
 
     None where no episode was looked at.
     """

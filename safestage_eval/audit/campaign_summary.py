@@ -1,4 +1,4 @@
-"""What is kept of each episode for the checks of an evaluation, and all of it together."""
+"""Summaries of episodes for the checks of an evaluation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Commands = Literal["not recorded", "missing", "constant", "varied"]
 
 
 class Goal(NamedTuple):
-    """What the recording says of the goal that header, bind file or rule file name.
+    """Recorded state of the goal that header, bind file or rule file name.
 
     Attributes:
         first: s when it was first confirmed; None if it certainly never was.
@@ -48,7 +48,7 @@ class Goal(NamedTuple):
 
 @dataclass(frozen=True)
 class Summary:
-    """What the checks of an evaluation need to know of one episode; small, and can be pickled.
+    """Summary of one episode for the checks of an evaluation; small, can be pickled.
 
     Attributes:
         episode_id, task, policy, prompt, seed, rollout: of the header.
@@ -231,7 +231,7 @@ def _commands(action: NDArray[np.float32]) -> Commands:
 
 
 def _goal(subject: Subject) -> Goal | None:
-    """What a sound recording says of its goal."""
+    """State of the goal in a sound recording."""
     binding = subject.binding
     if binding is None or binding.goal is None or not subject.sound:
         return None

@@ -28,7 +28,7 @@ LEFT = 0.1
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What explains contradictions, and what it does not explain.
+    """Cause of contradictions, and those that it does not explain.
 
     Attributes:
         repair: what mends the recording; None where nothing does.

@@ -1,4 +1,4 @@
-"""What an audit finds: plain data that can be pickled, printed and written as JSON."""
+"""Audit findings: plain data that can be pickled, printed and written as JSON."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Defect:
-    """What one check sees; the audit adds the code and the episode.
+    """Finding of one check; the audit adds the code and the episode.
 
     Attributes:
         what: what is wrong, in one sentence with its numbers.

@@ -84,7 +84,7 @@ class Subject:
 
     @cached_property
     def broken(self) -> list[TraceError]:
-        """What breaks the format, and what header and time stamps contradict; see ``episode.check``."""
+        """Format errors, and contradictions between header and time stamps; see ``episode.check``."""
         return check(self.episode)
 
     @cached_property
@@ -109,7 +109,7 @@ class Subject:
 
     @property
     def format_errors(self) -> list[TraceError]:
-        """What breaks the format: of header and time stamps only that time goes back."""
+        """Format errors; of header and time stamps only that time goes back."""
         return [
             error
             for error in self.broken
@@ -118,7 +118,7 @@ class Subject:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """What cannot be true, and its cause."""
+        """Contradictions in the recording, and their cause."""
         if not self.readable:
             return Diagnosis()
         errors = [*contradictions(self.episode)]
@@ -131,7 +131,7 @@ class Subject:
         return self.readable and diagnosis.repair is None and not diagnosis.left
 
     def explained(self, code: str, *kinds: str) -> Iterator[Defect]:
-        """What a check reports of the diagnosis: its cause, and contradictions that it leaves open.
+        """The part of the diagnosis that a check reports: a cause, and contradictions left unexplained.
 
         ``kinds``: those of contradictions that the check is about.
         """
@@ -217,7 +217,7 @@ class Subject:
             return None
 
     def verdict(self, rule: ast.Scoped) -> Verdict | None:
-        """What scoring says; None of what is not judged: a broken recording, a cost without a budget."""
+        """Verdict of a rule or cost; None for a broken recording and for a cost without a budget."""
         if self._judge is None:
             return None
         try:

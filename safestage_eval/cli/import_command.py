@@ -166,7 +166,7 @@ def _write_map(path: Path, source: Path, settings: Settings, only: str | None) -
 
 
 def notices_of(outcome: Outcome) -> list[tuple[Notice, int]]:
-    """What cannot be right, with the likely mistakes, and how many episodes have each."""
+    """Impossible facts with their likely mistakes, and how many episodes have each."""
     from safestage_eval.importers.map_mistakes import summed
 
     return summed(each.notices for each in outcome.imported)

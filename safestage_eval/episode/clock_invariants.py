@@ -1,4 +1,4 @@
-"""What the header of every episode must say of time: nothing that its own time stamps contradict."""
+"""Invariants of time: the header must agree with the time stamps."""
 
 from __future__ import annotations
 

@@ -266,7 +266,7 @@ def check_weight(
 def check_free_fall(
     t: F64, position: F32, gravity: float, touched: NDArray[np.bool_], body: str, where: str
 ) -> list[ContradictionError]:
-    """What nothing touches falls.
+    """A free body that nothing touches falls.
 
     Args:
         t: (T,) s.

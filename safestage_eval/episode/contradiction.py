@@ -9,7 +9,7 @@ from safestage_eval.errors import TraceError
 
 @dataclass
 class ContradictionError(TraceError):
-    """What a trace shows to be wrong, with what it is about.
+    """A contradiction within a trace, and its subject.
 
     Attributes:
         kind: which comparison failed: ``velocity``, ``surface``, ``bears``, …

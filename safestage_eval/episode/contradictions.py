@@ -1,4 +1,4 @@
-"""What a trace says that cannot all be true: every check of that kind, over one episode.
+"""Contradictions within a trace: every check of that kind, over one episode.
 
 A file may be well formed, its digests right, and still say centimetres for metres. What the trace
 itself shows to be wrong is found here by comparing what it says twice: velocities with poses,
@@ -241,7 +241,7 @@ class _Looked:
             yield from found
 
     def _borne(self, i: int, place: Array, *, exact: bool) -> list[ContradictionError]:
-        """What is wrong with how a body (index) is borne; ``exact``: with all of its contacts."""
+        """Contradiction in the support of a body (index); ``exact``: all of its contacts are known."""
         from .invariant_kernels import add_forces
 
         t, header, body = self.episode.t, self.episode.header, self.episode.header.bodies[i]

@@ -23,7 +23,7 @@ class Remark(Record):
     what: str
     """``contact forces``, ``shapes of 3 bodies``, …"""
     how: str = ""
-    """What stands in its place, and where that comes from."""
+    """Value used in its place, and its source."""
     cost: str = ""
     """Which signals, relations or rules become inconclusive or less exact."""
     remedy: str = ""
@@ -100,7 +100,7 @@ class Header(Record):
     force_source: ForceSource = "none"
     source: Source = Source()
     notes: tuple[str, ...] = ()
-    """What an importer had to leave out, recompute or guess; what a recorder wants to say."""
+    """Remarks: facts that an importer left out, recomputed or guessed; notes of a recorder."""
     bodies: tuple[Body, ...] = ()
     joints: tuple[Joint, ...] = ()
     cameras: tuple[Camera, ...] = ()

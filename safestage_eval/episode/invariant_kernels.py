@@ -28,7 +28,7 @@ def compare_motion(
     per_second: float,
     out: F64,
 ) -> None:
-    """What a body did, by its poses and by its velocities.
+    """Motion of a body, by its poses and by its velocities.
 
     Args:
         t: (T,) s.

@@ -1,4 +1,4 @@
-"""What the motion of a body must satisfy: poses and velocities are of the same body and unit.
+"""Invariants of motion: poses and velocities are of the same body and unit.
 
 One function per check; each returns what it found, none of it twice.
 """

@@ -1,1 +1,1 @@
-"""What is measured of an episode: facts, series, and the stores that answer queries about them."""
+"""Measurements of an episode: facts, series, and the stores that answer queries about them."""

@@ -32,7 +32,7 @@ Value = dict[str, Any]
 
 
 class Entry:
-    """What one file holds; arrays are read when they are asked for.
+    """Contents of one cache file; arrays are read on demand.
 
     Every read checks a checksum: bytes that are not what was written are a miss. A file that is
     replaced meanwhile is read on as it was.

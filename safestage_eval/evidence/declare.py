@@ -25,7 +25,7 @@ Options = tuple[tuple[str, OptionValue], ...]
 Reads = Literal[
     "", "com", "origin", "velocity", "orientation", "up axis", "angular velocity", "shape", "robot"
 ]
-"""What of each body a signal is measured from, so that it is unknown where that was not recorded.
+"""Recorded quantities of each body that a signal needs; it is unknown where one is missing.
 
 ``com`` and ``velocity`` are those of the centre of mass, ``origin`` is the body frame's, ``up axis`` is the orientation of a body that
 has one, ``shape`` the pose of a body with geometry, ``robot`` the poses of all bodies of the robot.
@@ -35,7 +35,7 @@ Empty: the function itself says what is unknown.
 
 @dataclass(frozen=True)
 class Option:
-    """What a ``[signal.NAME]`` may add to a built-in signal.
+    """Options that a ``[signal.NAME]`` may add to a built-in signal.
 
     Attributes:
         name: key under ``[signal.NAME]``.
@@ -63,7 +63,7 @@ class Option:
     reads: Reads | tuple[tuple[str, Reads], ...] = ""
 
     def reads_at(self, value: OptionValue) -> Reads:
-        """What the signal is measured from at this value of the option; empty if that is as usual."""
+        """Quantities that the signal needs at this value of the option; empty for the default ones."""
         return self.reads if isinstance(self.reads, str) else dict(self.reads).get(str(value), "")
 
 
@@ -183,7 +183,7 @@ class Signal:
         return next((option for option in self.options if option.looks == "ahead"), None)
 
     def reads_of(self, given: Mapping[str, OptionValue]) -> Reads:
-        """What it is measured from with these options."""
+        """Quantities that the signal needs with these options."""
         differ = (o.reads_at(given[o.name]) for o in self.options if o.reads and o.name in given)
         return next(filter(None, differ), self.reads)
 

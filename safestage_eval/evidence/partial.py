@@ -39,7 +39,7 @@ class Partial:
         return np.flatnonzero(wanted & ~self.done)
 
     def add(self, at: NDArray[np.int64], found: Series) -> None:
-        """What was measured at N frames. A note is about those that it leaves unknown, if any."""
+        """Measurements at N frames, with a note on those that are unknown, if any."""
         self.lower[at], self.upper[at] = found.lower, found.upper
         self.done[at] = True
         vague = np.isneginf(found.lower) & np.isposinf(found.upper)

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 Kind = Literal["signal", "relation", "unmeasured", "between frames", "recorded", "force"]
-"""What is asked for: a signal; a relation; where something was not measured; how far a signal may
+"""Kinds of query: a signal; a relation; where something was not measured; how far a signal may
 go between two frames; whether something was recorded at all; a sum of contact forces."""
 
 

@@ -59,7 +59,7 @@ class Store:
         return self._answer(query, measure, Growth.WHOLE)
 
     def items(self, query: Query, measure: Callable[[Any], Iterable[Item]]) -> list[Item]:
-        """What occurs at any frame of the episode, sorted."""
+        """Everything that occurs at any frame of the episode, sorted."""
         return cast("list[Item]", self._answer(query, measure, Growth.WHOLE))
 
     def partial(

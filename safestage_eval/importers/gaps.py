@@ -1,4 +1,4 @@
-"""What a source lacks, collected: one run names everything that the user has to supply."""
+"""Missing facts of a source, collected: one run names everything that the user has to supply."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What names of bodies suggest: materials, tags, round things, sides of fingers."""
+"""Guesses from the names of bodies: materials, tags, round things, sides of fingers."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Notice:
 
 
 def notice(episode: Episode, map_: MapFile) -> tuple[Notice, ...]:
-    """What cannot be right in an imported episode; empty of a sound one."""
+    """Impossible facts of an imported episode; empty for a sound one."""
     subject = Subject(episode, _rules())
     findings = check_subject(subject, _checks(LOOKED_AT))
     at_first = [f for f in findings if f.code in AT_FIRST]

@@ -22,7 +22,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Arm:
-    """What the joint states say; nothing without any.
+    """Joint positions from joint states; empty without any.
 
     Attributes:
         bodies: the description's links, those that transforms place included.

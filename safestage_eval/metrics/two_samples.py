@@ -1,4 +1,4 @@
-"""What a difference between two independent rates needs to be shown."""
+"""Sample sizes that show a difference between two independent rates."""
 
 from __future__ import annotations
 

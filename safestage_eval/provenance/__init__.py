@@ -1,1 +1,1 @@
-"""What results were made of, in a form that can be signed, and whether they can be made again."""
+"""Provenance of results in a form that can be signed, and a check that they can be reproduced."""

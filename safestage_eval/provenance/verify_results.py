@@ -29,7 +29,7 @@ _TRUE = {"true": True, "false": False}
 
 @dataclass
 class Verification:
-    """What verifying came to.
+    """Outcome of verifying.
 
     Attributes:
         rows: in the results.

@@ -1,4 +1,4 @@
-"""What falls when a body is taken away: the rest of a pile balanced anew until nothing more falls."""
+"""Bodies that fall when one is removed: the rest of the pile is balanced again until no more fall."""
 
 from __future__ import annotations
 
@@ -294,7 +294,7 @@ def _moves(group: _Group, least: float) -> bool:
 def _weigh_all(
     pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, push: F64
 ) -> None:
-    """What is out of balance before anything is taken away."""
+    """Find the bodies that are out of balance before anything is removed."""
     for b in range(len(group.left)):
         group.left[b] = group.joined[b]
     for p in range(len(group.kept)):
@@ -304,7 +304,7 @@ def _weigh_all(
 
 @kernel
 def _leave(pile: Pile, group: _Group, off: Bool) -> bool:
-    """What touched those that are gone, and what hangs together with that; False if nothing."""
+    """Mark what touched the removed bodies, and all connected to it; False if nothing did."""
     group.left[:] = False
     some = False
     for p in range(len(group.kept)):

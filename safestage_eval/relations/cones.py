@@ -30,7 +30,7 @@ SIN = np.sin(np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES))
 
 
 class Cones(NamedTuple):
-    """What forces in the friction cones of C contacts do to the bodies.
+    """Wrenches on the bodies from forces in the friction cones of C contacts.
 
     The force along edge k of a cone is n + µ (cos u + sin v): what it does is linear in what the
     normal n and two tangents u and v do. Everything is divided by the root of mass (of inertia), so

@@ -36,7 +36,7 @@ none: they would have to close their gaps first."""
 LOOK = 8 * ANEW
 """After so many rounds it is looked whether anything still comes to rest."""
 CALMER = 0.95
-"""What still moves, and by more than this share of what it did at the last look, will not rest."""
+"""A body that still moves by more than this share of its motion at the last check will not rest."""
 BALANCED = 0.003
 """Share of g: what is less out of balance has found its forces."""
 LOOSE = 1e-4
@@ -233,7 +233,7 @@ def _slip(springs: Springs, touches: Touches, some: Bool, count: int) -> None:
 def _weigh(
     springs: Springs, touches: Touches, some: Bool, count: int, left: Bool, push: F64, moved: F64
 ) -> float:
-    """What is out of balance, and how strongly that moves each body, in g; the most of these."""
+    """Compute the unbalanced acceleration of each body, in g, and return the largest."""
     rest = springs.rest
     for b in range(len(left)):
         p = springs.place[b]

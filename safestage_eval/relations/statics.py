@@ -99,7 +99,7 @@ def spread(bodies: Bodies, touches: Touches, count: int, cones: Cones) -> None:
 def _act(
     bodies: Bodies, touches: Touches, cones: Cones, c: int, axis: int, x: float, y: float, z: float
 ) -> None:
-    """What a force (x, y, z) of the second on the first body, and the other way round, does."""
+    """Compute what a contact force (x, y, z) does to its two bodies, with opposite signs."""
     for side in range(2):
         b, sign = (touches.second[c], 1.0) if side else (touches.first[c], -1.0)
         out = cones.effect[c, axis, side]
@@ -143,7 +143,7 @@ def _whiten(inertia: F64, out: F64) -> None:
 
 @kernel
 def weigh(mass: F64, push: F64, which: Bool, weight: F64) -> None:
-    """What balances weights and the push, (B, 6) in units of g by root of mass; 0 of the others."""
+    """Set the wrenches that balance weights and push, (B, 6) in g times root of mass; 0 elsewhere."""
     weight[:] = 0.0
     for b in range(mass.shape[0]):
         if which[b]:

@@ -1,4 +1,4 @@
-"""What an audit came to, for people, programs and build servers."""
+"""Audit results for people, programs and build servers."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def explain(check: Check) -> str:
 
 
 def headline(audit: Audit) -> str:
-    """What was found, in numbers: ``12 episodes: 3 errors, 1 warning, in 2 of them``."""
+    """Count the findings: ``12 episodes: 3 errors, 1 warning, in 2 of them``."""
     total = count(audit.episodes, "episode")
     if audit.problems:
         total = f"{audit.episodes - len(audit.problems)} of {total} could be read"

@@ -47,7 +47,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Help:
-    """What a rule is about: a title, and why it matters."""
+    """Title of a rule, and why it matters."""
 
     title: str
     why: str = ""

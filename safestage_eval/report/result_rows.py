@@ -30,7 +30,7 @@ KINDS = {
     **dict.fromkeys(("bodies", "breaches_by_level", "notes", "sources"), "strings"),
     **dict.fromkeys(("intervals", "raw_intervals"), "pairs"),
 }  # fmt: skip
-"""What a column holds, if not text: ``pairs`` are lists of two numbers."""
+"""Types of the columns that are not text: ``pairs`` are lists of two numbers."""
 
 MEASURED = tuple(name for name, kind in KINDS.items() if kind == "number")
 

@@ -128,7 +128,7 @@ def load_binding(
     roles: Sequence[str] = (),
     protect: Sequence[str] = (),
 ) -> BindFile | None:
-    """What a bind file and a command line bind; None where neither does.
+    """Bindings of a bind file and a command line; None where neither binds anything.
 
     Args:
         bind: as in ``load_bind``; None: no file.
@@ -190,7 +190,7 @@ class _Checker:
         return out
 
     def every(self) -> ast.TaskDef | None:
-        """What is bound in every episode."""
+        """Bindings that hold in every episode."""
         table = self._file.table.get(EVERY)
         return None if table is None else self._entry("", table, (EVERY,))
 

@@ -1,4 +1,4 @@
-"""What a bind file says of bodies: up axis, finger, material, tags."""
+"""Facts about bodies from a bind file: up axis, finger, material, tags."""
 
 from __future__ import annotations
 

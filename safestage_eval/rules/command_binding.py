@@ -21,7 +21,7 @@ SHOWN = 20
 
 @dataclass(frozen=True)
 class CommandBinding:
-    """What a command line says of every episode; it beats every other source.
+    """Bindings from the command line for every episode; they override every other source.
 
     Attributes:
         rules: codes of the assigned rules; empty: as the other sources say.
@@ -36,7 +36,7 @@ class CommandBinding:
         return bool(self.rules or self.roles)
 
     def layer(self, header: Header, known: Mapping[str, Sequence[str]]) -> ast.TaskDef:
-        """What it says of one episode.
+        """Bindings for one episode.
 
         A name must be a body or joint of the trace. A pattern stands for all objects it fits, for all
         other bodies and joints outside the robot where it fits no object, and never for what plays

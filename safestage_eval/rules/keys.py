@@ -173,7 +173,7 @@ TABLES: dict[str, dict[str, Key]] = {
 of a bind file."""
 
 IN_BIND = ("bound", "described")
-"""What an episode is bound to, and what bodies are."""
+"""Keys that bind an episode and describe bodies."""
 
 NAMED = ("signal", "state", "phase", "goal", "family", "task")
 """Tables with one sub-table per name: ``[state.NAME]``."""

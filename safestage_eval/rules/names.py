@@ -163,13 +163,13 @@ def operation_of(table: Mapping[str, Any]) -> Operation | None:
 
 
 def operands_of(table: Mapping[str, Any]) -> list[Any]:
-    """What a derived signal is computed from, as TOML gives it."""
+    """Operands of a computed signal, as in TOML."""
     value = table.get(operation_of(table) or "", [])
     return value if isinstance(value, list) else [value]
 
 
 def derived_signal(derived: ast.DerivedDef) -> Signal:
-    """What a derived signal is, as a built-in one would be declared."""
+    """Declaration of a computed signal, in the form of a built-in one."""
     return _derived(derived.name, derived.of, derived.dimension)
 
 

@@ -121,7 +121,7 @@ def call(text: str) -> ast.Call:
 
 
 def operand(value: str | float) -> ast.SignalAtom | ast.Quantity | ast.Parameter:
-    """What a derived signal is computed from: ``"speed(a)"``, ``"2 cm"``, ``0.5``, ``"[-]param"``."""
+    """Parse an operand of a computed signal: ``"speed(a)"``, ``"2 cm"``, ``0.5``, ``"[-]param"``."""
     if isinstance(value, str) and "(" in value:
         call, since = atom_key(value)
         return ast.SignalAtom(call, (), since)

@@ -29,7 +29,7 @@ def require_match(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
 
 
 def misspelt_roles(bind: BindFile | None, rules: RuleSet) -> list[str]:
-    """What is told of roles in a bind file that no rule has, where one has a role of a similar name.
+    """Warn about roles in a bind file that no rule has but that resemble a rule's role.
 
     A role without such a namesake is no mistake: rules that are not loaded may ask for it.
     """

@@ -113,14 +113,14 @@ class Local(Engine):
             worker.give(chunk)
 
     def _share(self, shares: Shares, worker: _Worker | None) -> list[Numbered]:
-        """What a process is to judge next; ``worker``: None for a new one."""
+        """Next episodes for a process; ``worker``: None for a new one."""
         others = {other.place for other in self._workers if other is not worker}
         if worker is None:
             return shares.take(FIRST, None, others)
         return shares.take(worker.appetite, worker.place, others)
 
     def _answer(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
-        """What a process has to say, its death included."""
+        """Messages of a process, its death included."""
         try:
             answer = worker.pipe.recv()
         except (EOFError, OSError):

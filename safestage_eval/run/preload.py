@@ -1,4 +1,4 @@
-"""What workers have in common: imported once by the process that they are forked from.
+"""Modules that all workers need: imported once by the process that they are forked from.
 
 That process judges nothing and starts no threads. A worker begins with everything imported and
 every listed kernel loaded, in memory that all of them share.

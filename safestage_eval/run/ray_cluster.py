@@ -35,7 +35,7 @@ AHEAD = 2
 
 
 class Told(NamedTuple):
-    """What a task says of its episodes, by their places in the task: no result among it."""
+    """Messages of a task about its episodes, by their places in the task; no results."""
 
     part: str | None
     written: list[int]

@@ -1,4 +1,4 @@
-"""What a result depends on, in one key: trace, header, rules, everything else asked, and the code."""
+"""Key of a result: trace, header, rules, settings and the code."""
 
 from __future__ import annotations
 

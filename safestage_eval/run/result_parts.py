@@ -36,7 +36,7 @@ _LARGEST = 1 << 30
 
 
 class Entry(NamedTuple):
-    """What the head of a part says of a result."""
+    """Entry for a result in the head of a part."""
 
     key: str
     size: int

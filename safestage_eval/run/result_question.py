@@ -1,4 +1,4 @@
-"""What a whole result depends on, besides the trace and the code, in one text."""
+"""Everything a result depends on besides the trace and the code, as one text."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ class _Passing:
 
 
 class _Ledger:
-    """What became of each episode by its number: a result among the parts, or a problem."""
+    """Outcome of each episode by its number: a result among the parts, or a problem."""
 
     def __init__(
         self, parts: Parts, keys: Keys | None, progress: Tell | None, folder: object | None
@@ -241,7 +241,7 @@ class _Ledger:
         return self._asked[number]
 
     def note(self, number: int, found: object) -> None:
-        """What an engine found; it is written together with others."""
+        """Take results from an engine; they are written together with others."""
         key = self._asked.pop(number)
         if isinstance(found, Problem):
             self._problems[number] = found

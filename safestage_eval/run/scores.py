@@ -78,7 +78,7 @@ def deduplicate(
 
 
 def taken(episode_id: str, path: str, first: str) -> Problem:
-    """What is said of an episode whose id another one has."""
+    """Message about two episodes with the same id."""
     error = InputError(
         path,
         f"the id {episode_id!r} is taken by another episode, in {first}.",

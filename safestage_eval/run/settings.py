@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a worker needs to know; can be pickled.
+    """Settings of a worker; can be pickled.
 
     Attributes:
         rules: paths, folders or built-in names of rule files.

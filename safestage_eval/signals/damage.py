@@ -142,7 +142,7 @@ def damage(request: Request) -> Series:
     options=(OVER,), columns=COLUMNS, reads="", ahead=True, sums="down",
 )  # fmt: skip
 def health(request: Request) -> Series:
-    """What is left of 100 % after all damage so far; it only falls.
+    """Health left of 100 % after all damage so far; never rises.
 
     Damage is what one evaluation costs, and there is one every Δt: ∫ damage dt / Δt. An impact is
     seen for Δt, so it costs its damage once.

@@ -26,7 +26,7 @@ WORTH = 2e-3
 
 
 class Grounds:
-    """What keeps a body from falling, three-valued: (T,) each.
+    """Reasons that a body is not falling, three-valued: (T,) each.
 
     Attributes:
         sure: it is supported, held or carried.
@@ -80,7 +80,7 @@ def fall(request: SupportRequest) -> Series:
         low = np.asarray(np.broadcast_to(movers.lowest(name), len(high)), np.float64)
 
     def lost(since: NDArray[np.int64], now: NDArray[np.int64]) -> F64:
-        """What both the COM and the lowest point lost: a body that tips over does not fall."""
+        """Height lost by both the COM and the lowest point: a body that tips over does not fall."""
         return np.minimum(high[since] - high[now], low[since] - low[now])
 
     before = _latest(ground.perhaps)  # −1: nothing kept it so far

@@ -1,4 +1,4 @@
-"""What a touch does to a body that was at rest: how far it moves, and how far it tips."""
+"""Effect of a touch on a body at rest: how far it moves, and how far it tips."""
 
 from __future__ import annotations
 

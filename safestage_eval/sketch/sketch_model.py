@@ -233,7 +233,7 @@ class Sketch(Table):
     """A whole scene and what happens in it."""
 
     says: str
-    """What happens, in one sentence."""
+    """One sentence on the event."""
     duration: Time
     rate: Annotated[int, Field(ge=1, le=1000)] = 60
     """Frames per second."""

@@ -1,4 +1,4 @@
-"""What held some time ago: the past operators of temporal logic, on time stamps.
+"""The past operators of temporal logic, on time stamps.
 
 ``once``, ``always`` (also called historically) and ``since`` look from each sample back at those that
 stand, at least in part, for some time from b to a seconds before it. Sample j stands for the time from

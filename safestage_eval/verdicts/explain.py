@@ -40,7 +40,7 @@ _BOUNDS = {
 _UNMEASURED = re.compile(
     r"\{signal\} (was|reached) \{value\}(?P<at> at \{[\w.]+\})?(; the limit is \{limit\})?"
 )
-"""What a template says of a measurement; of a relation there is none."""
+"""Templates for measurements; relations have none."""
 
 
 def inconclusive(cause: str, remedy: str = "") -> str:
@@ -51,7 +51,7 @@ def inconclusive(cause: str, remedy: str = "") -> str:
 
 
 def cause_and_remedy(explanation: str) -> tuple[str, str]:
-    """What ``inconclusive`` was given, without full stops; ("", "") of another sentence."""
+    """Cause and remedy given to ``inconclusive``, without full stops; ("", "") for other sentences."""
     told = re.fullmatch(
         r"Cannot be decided: (.+?)\.?(?: ([A-Z](?:[^.]|\.(?=\S))*)\.)?", explanation
     )

@@ -179,7 +179,7 @@ class Judge:
         return engagement(evaluator, targets, success=self.success)
 
     def verdict(self, rule: ast.Rule) -> Verdict:
-        """What a rule says, with the worst level that is violated too."""
+        """Verdict of a rule, with the worst level that is violated too."""
         blank, players = self._start(rule)
         if blank.vacuity:
             return blank
@@ -197,7 +197,7 @@ class Judge:
         return judged(self.evaluator(self._values(rule)), rule, players, blank)
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
-        """What a cost comes to, and its verdict if it has a budget."""
+        """Total of a cost, and its verdict if it has a budget."""
         blank, players = self._start(cost)
         params = self._values(cost)
         evaluator = self.evaluator(params)

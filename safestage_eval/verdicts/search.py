@@ -231,7 +231,7 @@ class Search(NamedTuple):
         )
 
     def _bearers(self, name: str, bodies: tuple[str, ...], frame: int) -> tuple[str, ...]:
-        """What bears a body at a frame, where a signal without a second one measures against that."""
+        """Support of a body at a frame, for signals that measure against their support by default."""
         spec, relations = SIGNALS.get(name), self.evaluator.relations
         if spec is None or not spec.support or len(bodies) != 1 or len(spec.args) != 2:
             return ()

@@ -164,7 +164,7 @@ class Values:
         return Asked(name, bodies, options, limits, reach)
 
     def signal(self, name: str) -> Signal:
-        """What a signal of that name is: a built-in one, or one that is computed from others."""
+        """Declaration of the signal of this name, built-in or computed."""
         found = SIGNALS.get(name)
         return derived_signal(self.rules.derived[name]) if found is None else found
 

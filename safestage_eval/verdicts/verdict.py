@@ -155,7 +155,7 @@ class EpisodeResult:
     engagement: str | None = None
     """How far it got with its target (``engagement.Engagement``); None where that is unknown."""
     audit: dict[str, Any] | None = None
-    """What an audit found in it, as JSON values; None if nobody looked."""
+    """Audit findings of the episode, as JSON values; None if not audited."""
 
     @property
     def assigned(self) -> tuple[Verdict, ...]:

@@ -14,7 +14,7 @@ from safestage_eval.palette import custom_properties
 from .module_links import linked
 
 LIBRARIES = "safestage_eval.viewer.lib"
-"""What others wrote, with their licences."""
+"""Bundled third-party files, with their licences."""
 
 THEME_SWITCH = '<button type="button" class="quiet no-print" data-theme-switch>Theme</button>'
 """The button that ``theme.js`` listens to."""

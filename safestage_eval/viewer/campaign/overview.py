@@ -17,7 +17,7 @@ from .episode_pieces import Pieces
 
 @dataclass(frozen=True)
 class Report:
-    """What a report says.
+    """Contents of a report.
 
     Attributes:
         title: its heading.

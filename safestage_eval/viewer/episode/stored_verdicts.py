@@ -1,4 +1,4 @@
-"""What stored results say of an episode, and where judging it again says something else."""
+"""Stored results of an episode, and where judging it again disagrees."""
 
 from __future__ import annotations
 

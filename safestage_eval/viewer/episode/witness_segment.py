@@ -1,4 +1,4 @@
-"""What a finding measures between bodies, for a drawing of the segment and of the limit around one of them."""
+"""Segment that a finding measures between two bodies, and the limit around one of them, to draw."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GUARDED = ("protected", "fragile", "dependent")
 
 
 def witness(verdict: Verdict, header: Header, success: float | None) -> dict[str, Any] | None:
-    """What is drawn in 3-D as the witness of a verdict; None where nothing can be.
+    """Witness of a verdict in 3-D; None where there is nothing to draw.
 
     - ``{"kind": "gap", "a": names, "b": names, "flat": …, "limit": m or null}``: the shortest segment from a
       to b, and the limit as a shell around b.
