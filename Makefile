@@ -14,7 +14,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces validate validate-share gallery blind-study fuzz faults matrix
+.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study fuzz faults matrix
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -52,6 +52,9 @@ catalogue: $(BIN)/pytest  ## write docs/catalogue.md anew from the rules
 
 audit-docs: $(BIN)/pytest  ## write docs/audit.md anew from the checks
 	$(BIN)/python -m safestage_eval.report.audit_page docs/audit.md
+
+site: $(BIN)/pytest  ## build the documentation site into build/site; links and anchors are checked
+	$(BIN)/mkdocs build --strict
 
 traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
 	$(BIN)/safestage record --out traces

@@ -1,0 +1,42 @@
+"""What the documentation site has beside the files in docs/: pages written from the code while it is built."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from command_pages import commands_page
+from message_page import messages_page
+from python_page import python_page
+from repository_pages import keep_inside, versions_page
+from site_style import style_sheet
+
+DOCS = Path(__file__).resolve().parents[1]
+
+WRITTEN: dict[str, Callable[[], str]] = {
+    "reference/commands.md": commands_page,
+    "reference/messages.md": lambda: messages_page(DOCS),
+    "reference/python.md": python_page,
+    "reference/versions.md": lambda: versions_page(DOCS.parent / "CHANGELOG.md"),
+    "site.css": style_sheet,
+}
+"""Where on the site → what writes it."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add what is written from code."""
+    for path, write in WRITTEN.items():
+        files.append(File.generated(config, path, content=write()))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Keep links inside the site."""
+    return keep_inside(markdown, page.file.src_uri, DOCS)
