@@ -215,8 +215,6 @@ class Obligations:
                 for limit in ("above", "below"):
                     if limit in table:
                         usage.above(call, table[limit], (*keys, limit), scope)
-            if table.get("per") == "start":
-                usage.report("R205", (*keys, "per"), "a signal has no starts", '"second" or "step"')
 
     def explain(self, text: str, keys: Keys, scope: Scope, words: tuple[str, ...]) -> None:
         """A sentence: it mentions roles, the given words, and when states begin."""

@@ -213,7 +213,7 @@ class Rule(_Judged):
 class Charge:
     """One entry of a cost: ``add`` per start, second or step that ``when`` holds, or times an amount.
 
-    The amount is what ``of`` exceeds ``above`` by, or falls short of ``below``; with ``whole`` all of
+    An amount per start is that at the first frame of each stretch that is judged. It is what ``of`` exceeds ``above`` by, or falls short of ``below``; with ``whole`` all of
     it, where it exceeds. A step is a control step of the policy.
     """
 

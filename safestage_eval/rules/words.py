@@ -151,6 +151,8 @@ def phase(found: ast.PhaseDef, params: ast.Params) -> str:
 def charge(found: ast.Charge, params: ast.Params) -> str:
     """``1 per second while contact(robot, vase)``; ``2 per start of …``; ``0.1 per step × …``."""
     said = f"{found.add:g} per {found.per}"
+    if found.of is not None and found.per == "start":
+        said = f"{found.add:g} at the start of what is judged"
     if found.when is not None:
         link = "of" if found.per == "start" else "while"
         return f"{said} {link} {alternative(found.when, params)}"

@@ -98,6 +98,27 @@ def test_what_is_not_known_may_be_any_amount(values, limit, data) -> None:
     assert less.most is None if any(lost) else less.most == whole.most
 
 
+def judged_once(values, scope: str):
+    facts = Facts({"height(a)": values}, rate=10.0)
+    charge = 'charge = [{ of = "height(a)", add = 2, per = "start" }]\n'
+    return cost_toy(facts, f"{HEAD}{scope}\n{charge}")[0]
+
+
+def test_an_amount_per_start_is_that_of_the_first_frame() -> None:
+    """Of each stretch that is judged, whatever follows in it."""
+    values = [1.0, -1.0, 4.0, 8.0, 16.0]  # p(a) holds where it is positive
+    for scope, found in (
+        ('during = "episode"', 2),
+        ('during = "last 1 frames of episode"', 32),
+        ('at = "p(a)"', 2 + 8),
+        ('during = "p(a)"', 2 + 8),
+        ('until = "start"', 0),
+    ):
+        assert judged_once(values, scope).value == found
+    unknown = judged_once([1.0, -1.0, 4.0, 8.0, math.nan], 'during = "last 1 frames of episode"')
+    assert (unknown.value, unknown.most) == (0, None)
+
+
 def test_a_bigger_deficit_never_costs_less() -> None:
     values = [3.0, 1.0, -2.0]
     charge = '{ of = "height(a)", add = 1, per = "second", below = "far" }'

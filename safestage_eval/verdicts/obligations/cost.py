@@ -186,7 +186,9 @@ def _bill(
             if given is False:
                 continue
             scopes = [scope for scope, _ in stretches(evaluator, cost, env)]
-            sure, may = _masks(scopes, frames, sure=given is True)
+            once = charge.of is not None and charge.per == "start"
+            asked = [_first(scope) for scope in scopes] if once else scopes
+            sure, may = _masks(asked, frames, sure=given is True)
             bill.end = max([bill.end, *(s.stop for s in scopes)])
             bill.unseen |= any(s.cut for s in scopes)
             hidden = evaluator.clock.unseen
@@ -195,6 +197,12 @@ def _bill(
             )
             bill.add(words, env, *_amounts(evaluator, charge, env, sure, may))
     return bill if bill.judged else None
+
+
+def _first(scope: Scope) -> Scope:
+    """The first frame of a stretch."""
+    stop = min(scope.first + 1, scope.stop)
+    return Scope(scope.first, stop, scope.cut, scope.certain[: stop - scope.first])
 
 
 def _masks(scopes: Sequence[Scope], frames: int, *, sure: bool) -> tuple[Bool, Bool]:
