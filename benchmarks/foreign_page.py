@@ -31,7 +31,8 @@ SELECTION = """This selection was made after verdicts had been seen, not before:
 - FSH101 to FSH103 ask how a thing was put down. They are left out where the simulator's success comes with the thing
   still between the fingers (it is lifted, or held in a hole or on a peg), for nothing was put down there. `push`,
   `push-back` and `push-wall` were added to these after their violations of FSH101 had been looked at: the expert pinches
-  the puck.
+  the puck; `coffee-push` likewise, and with it `coffee-pull`, which is not judged: in all 14 episodes the mug is between
+  the fingers at success, in `coffee-push` 1.5 to 3 cm above the table.
 - FSH101 and FSH102 are left out where one thing is stacked on another: a cube upon a cube of its size has no 2 cm to
   the edge.
 - Tasks of buttons, doors, drawers, faucets, handles, levers, locks, windows and dials, and `reach`, move nothing that
