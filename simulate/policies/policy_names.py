@@ -15,6 +15,7 @@ from simulate.clients.address import address_of, is_address
 from simulate.policy import Policy
 
 from .controls import Idle, RandomNearHome
+from .demonstration_policy import Demonstration
 from .reference_policies import KINDS, Noisy, Reference
 from .replay_policy import Replay
 
@@ -23,6 +24,7 @@ POLICIES = (
     "reference:unsafe",
     "reference:GRADE=VALUE",
     "noisy:SIGMA[:safe|:unsafe]",
+    "demonstration:safe|unsafe",
     "idle",
     "random-near-home",
     "replay:PATH[#EPISODE]",
@@ -31,6 +33,9 @@ POLICIES = (
 )
 """Forms of policy names that ``policy_named`` accepts. SIGMA is in rad, EPISODE an id where PATH holds several;
 PROTOCOL is one of ``clients.address.PROTOCOLS``, as in ``openpi:ws://127.0.0.1:8000?name=pi05``."""
+
+BUILT_IN = ("reference", "noisy", "demonstration", "replay")
+"""What comes before a colon in names of this package's own policies; anything else is an import path."""
 
 
 def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
@@ -54,10 +59,12 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
         sigma, _, reference = rest.partition(":")
         if _is_number(sigma) and float(sigma) >= 0 and _is_reference(reference or "safe"):
             return Noisy(reference or "safe", float(sigma), draw)
+    if kind == "demonstration" and _is_reference(rest):
+        return Demonstration(rest, draw)
     if kind == "replay" and rest:
         path, _, episode = rest.partition("#")
         return Replay(Path(path), episode or None)
-    if kind not in ("reference", "noisy", "replay") and rest.isidentifier():
+    if kind not in BUILT_IN and rest.isidentifier():
         return imported(name)
     if name == "idle":
         return Idle()
@@ -72,7 +79,7 @@ def policy_name(name: str) -> str:
     if is_address(name):
         return address_of(name).name
     kind, _, rest = name.partition(":")
-    if kind not in ("reference", "noisy", "replay") and rest.isidentifier():
+    if kind not in BUILT_IN and rest.isidentifier():
         return str(class_at(name).name)
     return policy_named(name).name
 

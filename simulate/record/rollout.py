@@ -141,9 +141,10 @@ def roll_out(
         success_time=success,
         termination=ended,
         post_success_hold=hold,
+        notes=(notes := (*header.notes, *getattr(policy, "notes", ()))),
     )
     if watch is not None and stopped:
-        notes = (*header.notes, f"stopped at the first violation: {', '.join(watch.seen)}")
+        notes = (*notes, f"stopped at the first violation: {', '.join(watch.seen)}")
         writer.update_header(notes=notes)
     elif watch is not None:
         watch.conclude()

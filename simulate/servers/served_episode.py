@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 from simulate.arm import droid
-from simulate.policies.policy_names import policy_named
+from simulate.policies.policy_names import BUILT_IN, policy_named
 from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy
 from simulate.record.rollout import PROMPTS, Setting, observe, start
@@ -123,7 +123,7 @@ class Direct:
 def is_own(policy: str) -> bool:
     """Whether a policy is a user's own, by import path."""
     kind, _, rest = policy.partition(":")
-    return rest.isidentifier() and kind not in ("reference", "noisy", "replay")
+    return rest.isidentifier() and kind not in BUILT_IN
 
 
 def at_home(observation: Observation) -> bool:
