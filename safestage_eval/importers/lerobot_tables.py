@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats.parquet.arrow_tables import arrow_file
+from safestage_eval.formats.parquet.column_chunks import read_chunks_of
 from safestage_eval.size_limits import current
 
 from .importer import SourceError
@@ -84,10 +85,12 @@ class Tables:
             )
         names = {*wanted, *OWN}
         with _reading(file):
-            leaves = [g.column(i) for g in map(metadata.row_group, range(metadata.num_row_groups))
-                      for i in range(metadata.num_columns)]  # fmt: skip
+            paths = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
             values = sum(
-                x.num_values for x in leaves if x.path_in_schema.partition(".")[0] in names
+                max(0, chunk.values)
+                for group in read_chunks_of(file, metadata.serialized_size)
+                for path, chunk in zip(paths, group, strict=True)
+                if path.partition(".")[0] in names
             )
         current().demand_decoded(8 * values, file.stat().st_size, str(file))
         also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]

@@ -12,6 +12,7 @@ from recordings import everything
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import load
 from safestage_eval.formats.parquet import table_file
+from safestage_eval.formats.parquet.column_chunks import read_chunks_of
 from safestage_eval.formats.parquet.row_index import load_row_index
 from safestage_eval.formats.parquet.stored_table import Block, StoredTable
 
@@ -38,8 +39,10 @@ def test_a_footer_that_states_two_types_for_a_key_does_not_end_the_process(tmp_p
     asked = (
         "import sys; from pathlib import Path; import pyarrow.parquet as pq;"
         "from safestage_eval.formats.parquet.row_index import load_row_index;"
-        "p = Path(sys.argv[1]);"
-        "print(load_row_index(pq.read_metadata(p), 'frames', p.stat().st_size).members)"
+        "from safestage_eval.formats.parquet.column_chunks import read_chunks_of;"
+        "p = Path(sys.argv[1]); m = pq.read_metadata(p);"
+        "chunks = lambda: read_chunks_of(p, m.serialized_size);"
+        "print(load_row_index(m, 'frames', p.stat().st_size, chunks).members)"
     )
     done = subprocess.run(
         [sys.executable, "-c", asked, path], capture_output=True, text=True, check=False
@@ -51,7 +54,9 @@ def test_a_footer_that_states_two_types_for_a_key_does_not_end_the_process(tmp_p
 def test_statistics_of_another_kind_say_nothing(tmp_path):
     path = tmp_path / "f.parquet"
     pq.write_table(pa.table({"episode_index": ["a", "b"], "body": [1, 2]}), path)
-    index = load_row_index(pq.read_metadata(path), "bodies", path.stat().st_size)
+    metadata = pq.read_metadata(path)
+    chunks = read_chunks_of(path, metadata.serialized_size)
+    index = load_row_index(metadata, "bodies", path.stat().st_size, lambda: chunks)
     assert index.members == [None]
     assert index.episodes == [None]
 

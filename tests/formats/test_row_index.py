@@ -15,6 +15,7 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, load, save
 from safestage_eval.formats.digests import Seal
 from safestage_eval.formats.parquet import row_index
+from safestage_eval.formats.parquet.column_chunks import read_chunks_of
 from safestage_eval.formats.parquet.row_index import METADATA_KEY, load_row_index
 from safestage_eval.formats.parquet.stored_table import StoredTable
 from safestage_eval.formats.parquet.table_file import TableFile
@@ -32,7 +33,9 @@ def the_only(dataset, table):
 
 
 def index_of(file, table):
-    return load_row_index(pq.read_metadata(file), table, file.stat().st_size)
+    metadata = pq.read_metadata(file)
+    size = metadata.serialized_size
+    return load_row_index(metadata, table, file.stat().st_size, lambda: read_chunks_of(file, size))
 
 
 def restated(file, change):

@@ -9,7 +9,7 @@ one body or pair; where they hold several, the key columns are read once (``runs
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from .arrow_values import coded_words, numbers
+from .column_chunks import Chunk
 
 METADATA_KEY = b"safestage.row_index"
 
@@ -90,13 +91,22 @@ class RowIndex:
         return sorted([*certain, *maybe])
 
 
-def load_row_index(metadata: pq.FileMetaData, table: str | None, file_size: int) -> RowIndex:
+def load_row_index(
+    metadata: pq.FileMetaData,
+    table: str | None,
+    file_size: int,
+    chunks: Callable[[], Sequence[Sequence[Chunk]]],
+) -> RowIndex:
     """Return the index that a file states, or the one that follows from its statistics.
 
     Args:
         metadata: of the file.
         table: name of the table; None for one that is always read whole.
         file_size: in bytes; an index that was copied from another file does not fit.
+        chunks: the columns of each row group; asked where the file states no index.
+
+    Raises:
+        ValueError: the footer cannot be read.
     """
     rows = [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)]
     if table is None:
@@ -108,7 +118,7 @@ def load_row_index(metadata: pq.FileMetaData, table: str | None, file_size: int)
         if groups is not None:
             members = [runs_to_members(runs) for runs in groups]
             return RowIndex(rows, members, [None] * len(rows), stated=True)
-    return _from_statistics(metadata, table, rows)
+    return _from_statistics(metadata, table, rows, chunks())
 
 
 def encode_row_index(groups: Sequence[Sequence[Run]], end: int) -> bytes:
@@ -151,22 +161,25 @@ def _decoded(text: bytes, rows: Sequence[int], end: int, width: int) -> list[lis
     return decoded if fits else None
 
 
-def _from_statistics(metadata: pq.FileMetaData, table: str, rows: Sequence[int]) -> RowIndex:
+def _from_statistics(
+    metadata: pq.FileMetaData, table: str, rows: Sequence[int], chunks: Sequence[Sequence[Chunk]]
+) -> RowIndex:
     """Row groups of one episode and one body or pair have known members, all others unknown ones."""
+    if len(chunks) != len(rows):
+        raise ValueError(f"{len(chunks)} row groups are described, and {len(rows)} counted")
     schema = metadata.schema
     paths = [schema.column(i).path for i in range(metadata.num_columns)]
     keys = [
-        _Key(paths.index(name), schema.column(paths.index(name)).physical_type, kind)
+        _Key(paths.index(name), schema.column(paths.index(name)), kind)
         for name, kind in ((EPISODE, int), *((name, str) for name in NAME_COLUMNS.get(table, ())))
         if name in paths
     ]
     complete = len(keys) == 1 + len(NAME_COLUMNS.get(table, ()))
     members: list[Members | None] = []
     episodes: list[tuple[int, int] | None] = []
-    for number, count in enumerate(rows):
-        group = metadata.row_group(number)
-        whole = group.num_columns == metadata.num_columns
-        ends = [_limits(group, key) if whole else None for key in keys]
+    for group, count in zip(chunks, rows, strict=True):
+        whole = len(group) == len(paths)
+        ends = [_limits(group[key.place], key) if whole else None for key in keys]
         single = [pair[0] for pair in ends if pair is not None and pair[0] == pair[1]]
         uniform = complete and len(single) == len(keys)
         members.append({(single[0], tuple(single[1:])): slice(0, count)} if uniform else None)
@@ -175,30 +188,37 @@ def _from_statistics(metadata: pq.FileMetaData, table: str, rows: Sequence[int])
 
 
 class _Key(NamedTuple):
-    """A key column: its place in a row group, its physical type, and that of its values here."""
+    """A key column: its place in a row group, what the schema says of it, and its values' type."""
 
     place: int
-    physical_type: str
+    column: pq.ColumnSchema
     kind: type
 
 
-def _limits(group: pq.RowGroupMetaData, key: _Key) -> Any:
+_SIZES = {"INT32": 4, "INT64": 8}
+"""Physical type of whole numbers → bytes of one."""
+
+
+def _limits(chunk: Chunk, key: _Key) -> Any:
     """Least and greatest value of a column in a row group; None where it does not say.
 
-    pyarrow ends the process when it is asked for the statistics of a column whose chunk states
-    another type than the schema: such a column says nothing.
+    A column whose chunk states another type than the schema says nothing.
     """
-    column = group.column(key.place)
-    if column.physical_type != key.physical_type:
+    least, greatest, physical = chunk.least, chunk.greatest, key.column.physical_type
+    if least is None or greatest is None or chunk.nulls or chunk.physical_type != physical:
+        return None
+    logical = json.loads(key.column.logical_type.to_json())
+    if key.kind is int:
+        plain = logical["Type"] == "None" or logical.get("isSigned", False)
+        if not plain or not len(least) == len(greatest) == _SIZES.get(physical):
+            return None
+        return tuple(int.from_bytes(end, "little", signed=True) for end in (least, greatest))
+    if physical != "BYTE_ARRAY" or logical["Type"] != "String":
         return None
     try:
-        statistics = column.statistics
-        if statistics is None or not statistics.has_min_max or statistics.null_count:
-            return None
-        ends = statistics.min, statistics.max
-    except (pa.ArrowException, ValueError, OSError):  # a name that is no text is a ValueError
+        return least.decode(), greatest.decode()
+    except UnicodeDecodeError:
         return None
-    return ends if type(ends[0]) is type(ends[1]) is key.kind else None
 
 
 def runs_to_members(runs: Iterable[Run]) -> Members:

@@ -18,6 +18,7 @@ from safestage_eval.formats.trace_files import regular_status
 from safestage_eval.size_limits import current
 
 from .arrow_tables import arrow_file, columns_of
+from .column_chunks import Chunk, read_chunks, read_chunks_of
 from .row_index import RowIndex, load_row_index
 
 LARGEST = 1 << 32
@@ -39,17 +40,19 @@ EPISODES_TABLE = "meta/episodes"
 """The table that is always read whole, and needs no row index."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Footer:
     """The metadata of a file.
 
     Attributes:
         metadata: as pyarrow has it.
         index: which rows belong to whom.
+        values: of each column in each row group; None until somebody asks.
     """
 
     metadata: pq.FileMetaData
     index: RowIndex
+    values: list[list[int]] | None = None
 
     @cached_property
     def columns(self) -> frozenset[str]:
@@ -169,7 +172,8 @@ class TableFile:
     def _read_footer(self, table: str, size: int) -> Footer:
         try:
             metadata = self._file.metadata
-            index = load_row_index(metadata, None if table == EPISODES_TABLE else table, size)
+            kind = None if table == EPISODES_TABLE else table
+            index = load_row_index(metadata, kind, size, lambda: self._chunks(metadata))
         except (pa.ArrowException, OSError, ValueError) as error:  # a name may be no text
             raise self._unreadable(error) from None
         return Footer(metadata, index)
@@ -238,14 +242,26 @@ class TableFile:
         return table
 
     def _in_lists(self, groups: Sequence[int], columns: Sequence[str]) -> int:
-        """Values in the lists of some columns, as the footer states them."""
-        leaves, metadata = self.footer.leaves, self.footer.metadata
-        places = [place for name in columns for place in leaves.get(name, ())]
-        return sum(
-            metadata.row_group(group).column(place).num_values
-            for group in groups
-            for place in places
-        )
+        """Values in the lists of some columns, as the footer states them. Raises TraceError."""
+        footer = self.footer
+        places = [place for name in columns for place in footer.leaves.get(name, ())]
+        try:
+            if footer.values is None:
+                stated = self._chunks(footer.metadata)
+                footer.values = [[max(0, chunk.values) for chunk in group] for group in stated]
+            return sum(footer.values[group][place] for group in groups for place in places)
+        except IndexError:
+            lacks = ValueError("the footer has row groups that lack columns")
+            raise self._unreadable(lacks) from None
+        except (OSError, ValueError) as error:
+            raise self._unreadable(error) from None
+
+    def _chunks(self, metadata: pq.FileMetaData) -> list[list[Chunk]]:
+        """Read what the footer states of the columns. Raises OSError and ValueError."""
+        size = metadata.serialized_size
+        if self._source is None:
+            return read_chunks_of(self.path, size)
+        return read_chunks(self._source.read(self._size - 8 - size, size))
 
     def _unfolded(self, table: pa.Table, texts: Sequence[str], shared: frozenset[str]) -> pa.Table:
         """Give each row its own text, unless that takes too much room. Raises TraceError."""
