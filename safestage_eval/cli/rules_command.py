@@ -30,6 +30,7 @@ def command() -> None:
       safestage rules show ETS201
       safestage rules signals clearance
       safestage rules test mine.toml --mutate
+      safestage rules lsp
     """
 
 
@@ -161,6 +162,27 @@ def schema() -> None:
     from safestage_eval.rules.schema import schema_text
 
     click.echo(schema_text(), nl=False)
+
+
+@command.command("lsp")
+def lsp() -> None:
+    """Serve editors: completion, hover and diagnostics of rule files while they are typed.
+
+    Speaks the language server protocol over stdin and stdout; editors start it themselves, for TOML
+    files. Needs the extra "lsp": pip install "safestage[lsp]".
+
+    \b
+    Example (Neovim 0.11):
+      vim.lsp.config.safestage = { cmd = { "safestage", "rules", "lsp" }, filetypes = { "toml" } }
+      vim.lsp.enable("safestage")
+    """
+    try:
+        from safestage_eval.editor.rule_server import make_server
+    except ModuleNotFoundError as error:
+        raise click.UsageError(
+            f'{error.name} is not installed: pip install "safestage[lsp]"'
+        ) from None
+    make_server().start_io()
 
 
 @command.command("diff")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -128,6 +128,22 @@ def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagno
     return list(reader.files.values()), reader.problems
 
 
+def read_edited(
+    path: Path, texts: Mapping[Path, str]
+) -> tuple[list[RuleFile], list[Diagnostic], str]:
+    """One file and those it extends, as an editor holds them; what is wrong, and the file's shown path.
+
+    ``texts``: absolute path → text of each file that is open; the others are read from the disk. The file
+    need not be there yet.
+
+    Raises:
+        RuleError: a file cannot be opened.
+    """
+    reader = _Reader(frozenset([path]), texts)
+    reader.visit(path, ())
+    return list(reader.files.values()), reader.problems, _shown(path)
+
+
 def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
     """Codes of the rules and costs in the files that the specs name, not in those they extend."""
     return frozenset(
@@ -140,8 +156,9 @@ def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
 
 
 class _Reader:
-    def __init__(self, named: frozenset[Path]) -> None:
+    def __init__(self, named: frozenset[Path], texts: Mapping[Path, str] | None = None) -> None:
         self._asked = named
+        self._texts = texts or {}
         self.files: dict[Path, RuleFile] = {}
         self.problems: list[Diagnostic] = []
         self._broken: set[Path] = set()
@@ -193,7 +210,9 @@ class _Reader:
     def _read(self, path: Path) -> RuleFile | None:
         shown = _shown(path)
         try:
-            return RuleFile(shown, *read_toml(path, shown), path in self._asked)
+            text = self._texts.get(path)
+            read = read_toml(path, shown) if text is None else parsed(text, shown)
+            return RuleFile(shown, *read, path in self._asked)
         except RuleErrors as error:
             self.problems += error.diagnostics
             return None
@@ -208,13 +227,18 @@ def read_toml(path: Path, shown: str) -> tuple[str, dict[str, Any]]:
         RuleErrors: it is no TOML; ``shown`` is its path in the message.
         OSError: it cannot be opened.
     """
-    text = ""
     try:
         text = path.read_text(encoding="utf-8")
-        return text, _parse(text)
     except UnicodeDecodeError as error:
         what = f"not UTF-8 text: {error.reason} at byte {error.start}"
-        problem = Diagnostic(shown, 1, 1, "R101", what)
+        raise RuleErrors([Diagnostic(shown, 1, 1, "R101", what)]) from None
+    return parsed(text, shown)
+
+
+def parsed(text: str, shown: str) -> tuple[str, dict[str, Any]]:
+    """A text and its table. Raises RuleErrors as ``read_toml``."""
+    try:
+        return text, _parse(text)
     except tomllib.TOMLDecodeError as error:
         problem = _not_toml(shown, text, str(error))
     except ValueError as error:  # a number of too many digits

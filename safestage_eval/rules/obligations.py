@@ -14,7 +14,7 @@ from .locate import Keys
 from .names import Near, unfit
 from .references import Read, Scope
 
-_WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
+WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
 """Words that a rule's ``explain`` may use besides roles and states."""
 
 
@@ -139,7 +139,7 @@ class Obligations:
             structure.declared_name(usage, level, (*keys, "severity", level))
             self.settings(values, (*keys, "severity", level))
         structure.table(usage, "examples", table.get("examples", {}), (*keys, "examples"))
-        self.explain(table.get("explain", ""), (*keys, "explain"), scope, _WORDS)
+        self.explain(table.get("explain", ""), (*keys, "explain"), scope, WORDS)
         self.unused(scope, (*keys, "roles"))
 
     def _obligations(self, table: dict[str, Any], keys: Keys, scope: Scope, code: str) -> None:

@@ -37,6 +37,7 @@ ROOMS = {
         "importers",  # other people's files
         "report",
         "provenance",  # what results were made of, and whether they can be made again
+        "editor",  # what editors ask about rule files
         "viewer",  # pages for a browser
         "label",  # people judge rollouts
         "monitor",  # the same rules while a rollout is going on

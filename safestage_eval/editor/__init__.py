@@ -1,0 +1,1 @@
+"""What editors ask about rule files: completion, hover and diagnostics, over the language server protocol."""
