@@ -29,6 +29,8 @@ class Observation:
         past: pictures of the earlier moments that the policy looks back to, oldest first.
         flange_position: (3,) m, of the arm's flange in the frame of its base, measured.
         flange_orientation: (4,) wxyz, flange to base; z points out of the flange.
+        objects: object → (7,) m and wxyz, its pose in the frame of the arm's base, as a faultless tracker
+            would measure it; empty unless the policy's ``tracks_objects`` is true.
     """
 
     time: float
@@ -40,6 +42,7 @@ class Observation:
     past: tuple[Mapping[str, NDArray[np.uint8]], ...] = ()
     flange_position: F64 = field(default_factory=lambda: np.zeros(3))
     flange_orientation: F64 = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+    objects: Mapping[str, F64] = field(default_factory=dict)
 
 
 class PolicyError(InputError):
@@ -54,7 +57,8 @@ class Policy(Protocol):
 
     A policy that wants to see has two attributes more: ``cameras``, some of ``droid_cameras.CAMERAS``, and
     ``image_size``, (height, width) in pixels; a third, ``lookback``, names how many control steps
-    before the present one it wants pictures of as well, and is read after ``reset``. One that holds something open has a method ``close``,
+    before the present one it wants pictures of as well, and is read after ``reset``. One that
+    wants poses of objects instead has ``tracks_objects = True``. One that holds something open has a method ``close``,
     called when the episode is over.
     """
 

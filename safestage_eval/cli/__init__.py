@@ -40,9 +40,10 @@ HELP = {
     "render": "Film an episode, with a halt at the moment of its verdict.",
     "sheets": "Draw rollouts as picture sheets, to be judged by people.",
     "serve": "Serve a policy in a model's protocol, to test its clients.",
+    "learn": "Export recordings as LeRobot datasets, and train policies from them.",
 }
 
-FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve")
+FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve", "learn")
 
 COMMANDS = tuple(name for name in HELP if name not in FROM_SIMULATE)
 """``safestage NAME`` is ``command`` in NAME_command.py, imported when it is called."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from .learn_command import learn
 from .record_command import record
 from .render_command import render
 from .serve_command import serve
@@ -15,4 +16,4 @@ from .tasks_validate_command import validate
 tasks.add_command(validate)
 tasks.add_command(gallery)
 
-COMMANDS: list[click.Command] = [record, tasks, render, sheets, serve]
+COMMANDS: list[click.Command] = [record, tasks, render, sheets, serve, learn]

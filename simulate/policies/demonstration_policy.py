@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from simulate.learn.disturbance import disturbance_note
 from simulate.policy import Observation
 from simulate.skills import run_skill
 from simulate.skills.arm_motion import Motion, ease
@@ -32,9 +33,6 @@ HOLDING = 0.35
 """Share of a push that is left while the gripper is closed."""
 RISE, RETURN = 6, 9
 """Control steps in which a push builds up, and in which the arm comes back from it."""
-DISTURBED = "disturbed:"
-"""A note of an episode that begins so lists the control steps FIRST-LAST whose commands are not the
-reference's: nobody should learn them."""
 
 
 class Demonstration(Reference):
@@ -61,8 +59,7 @@ class Demonstration(Reference):
     @property
     def notes(self) -> tuple[str, ...]:
         """For the episode's header: the control steps that are not the reference's own."""
-        spans = ", ".join(f"{first}-{last}" for first, last in self._spans)
-        return (f"{DISTURBED} {spans}",) if spans else ()
+        return disturbance_note(self._spans)
 
     def look(self, task: Task, state: PrivilegedState) -> None:
         """Be handed what only references may know. Raises InputError for a missing grade."""

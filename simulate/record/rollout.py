@@ -191,7 +191,7 @@ def _play(
         if success is None:
             step = round(now * CONTROL_RATE)
             if not chunk:
-                seen = observe(world, now, instruction, cameras)
+                seen = observe(world, now, instruction, cameras, objects=tracks_objects(policy))
                 back.keep(step, seen.images)
                 seen = replace(seen, past=back.past(step))
                 chunk = _told(policy, lambda seen=seen: _checked(policy.act(seen), policy.name))  # type: ignore[misc]
@@ -220,9 +220,14 @@ def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
 
 
 def observe(
-    world: World, time: float, instruction: str, cameras: Cameras | None = None
+    world: World,
+    time: float,
+    instruction: str,
+    cameras: Cameras | None = None,
+    *,
+    objects: bool = False,
 ) -> Observation:
-    """The observation of a world now."""
+    """The observation of a world now, with the poses of its objects if they are asked for."""
     return Observation(
         time,
         world.arm_position,
@@ -232,7 +237,13 @@ def observe(
         {} if cameras is None else cameras.images(),
         (),
         *world.flange,
+        world.object_poses() if objects else {},
     )
+
+
+def tracks_objects(policy: Policy) -> bool:
+    """Whether a policy wants the poses of objects."""
+    return bool(getattr(policy, "tracks_objects", False))
 
 
 def _told(policy: Policy, do: Callable[[], Result]) -> Result:

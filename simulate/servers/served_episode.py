@@ -12,7 +12,7 @@ from simulate.arm import droid
 from simulate.policies.policy_names import BUILT_IN, policy_named
 from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy
-from simulate.record.rollout import PROMPTS, Setting, observe, start
+from simulate.record.rollout import PROMPTS, Setting, observe, start, tracks_objects
 from simulate.tasks.task import Task, tasks
 from simulate.world.privileged import PrivilegedState
 from simulate.world.world import World
@@ -90,7 +90,10 @@ class Shadow:
 
     def _next(self) -> F64:
         if not self._chunk:
-            seen = observe(self._world, self._steps / 15, self._instruction)
+            seen = observe(
+                self._world, self._steps / 15, self._instruction,
+                objects=tracks_objects(self._policy),
+            )  # fmt: skip
             self._chunk = list(np.asarray(self._policy.act(seen), np.float64))
         action = np.asarray(self._chunk.pop(0), np.float32).astype(np.float64)  # as it is sent
         self._world.act(action)

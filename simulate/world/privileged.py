@@ -10,18 +10,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from simulate.arm.droid import HOME
+from simulate.arm.kinematics import ArmInModel
 from simulate.catalogue.objects import ObjectModel
 
 from .world import World
 
 F64 = NDArray[np.float64]
-
-TOLERANCE = (2e-4, 2e-3)
-"""m and rad at which inverse kinematics has arrived."""
-DAMPING = 1e-3
-POSTURE = 0.05
-"""Pull of the null space towards home."""
 
 
 class PrivilegedState:
@@ -31,6 +25,7 @@ class PrivilegedState:
         """Look into a world; nothing of it is changed."""
         self._world = world
         self._scratch = mujoco.MjData(world.model)
+        self._arm = ArmInModel.of(world.model)
 
     @property
     def arm_position(self) -> F64:
@@ -58,44 +53,6 @@ class PrivilegedState:
         return list(self._world.objects)
 
     def inverse_kinematics(self, position: F64, rotation: F64, start: F64) -> tuple[F64, float]:
-        """Joint positions that bring the TCP to a pose, by damped least squares.
-
-        Args:
-            position: (3,) m, world.
-            rotation: (3, 3), TCP to world.
-            start: (7,) rad, where the search begins.
-
-        Returns:
-            (7,) rad within the joints' limits, and the remaining position error (m).
-
-        Source: Nakamura & Hanafusa, "Inverse kinematic solutions with singularity robustness",
-        J. Dyn. Sys. 108, 1986; the null space is used to stay near the home posture.
-        """
-        world, data = self._world, self._scratch
-        model = world.model
-        data.qpos[:] = world.data.qpos
-        q = start.copy()
-        jacobian, error = np.zeros((6, model.nv)), np.zeros(6)
-        target, current, inverse, off = (np.zeros(4) for _ in range(4))
-        mujoco.mju_mat2Quat(target, np.ascontiguousarray(rotation).ravel())
-        for _ in range(60):
-            data.qpos[world.arm_qpos] = q
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            error[:3] = position - data.site_xpos[world.tcp]
-            mujoco.mju_mat2Quat(current, data.site_xmat[world.tcp])
-            mujoco.mju_negQuat(inverse, current)
-            mujoco.mju_mulQuat(off, target, inverse)
-            mujoco.mju_quat2Vel(error[3:], off, 1.0)
-            if (
-                np.linalg.norm(error[:3]) < TOLERANCE[0]
-                and np.linalg.norm(error[3:]) < TOLERANCE[1]
-            ):
-                break
-            mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], world.tcp)
-            J = jacobian[:, world.arm_dof]
-            step = J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(6), error)
-            step += (np.eye(7) - np.linalg.pinv(J) @ J) @ (POSTURE * (HOME - q))
-            low, high = world.arm_range.T
-            q = np.clip(q + np.clip(step, -0.2, 0.2), low, high)
-        return q, float(np.linalg.norm(error[:3]))
+        """Joint positions that bring the TCP to a pose (see ``ArmInModel.inverse``)."""
+        self._scratch.qpos[:] = self._world.data.qpos
+        return self._arm.inverse(self._scratch, position, rotation, start)

@@ -100,6 +100,16 @@ class World:
         out = now.xmat[body].reshape(3, 3)[:, 2]
         return now.xpos[body] + droid.FLANGE * out, now.xquat[body].copy()
 
+    def object_poses(self) -> dict[str, F64]:
+        """Object → (7,) its origin (m) and orientation (wxyz), world, as they are now."""
+        now = self._now
+        now.qpos[:] = self.data.qpos
+        mujoco.mj_kinematics(self.model, now)
+        return {
+            name: np.concatenate([now.xpos[body], now.xquat[body]])
+            for name, body in self.body_id.items()
+        }
+
     @property
     def gripper_opening(self) -> float:
         """0 closed … 1 open, measured."""

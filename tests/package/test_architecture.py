@@ -56,6 +56,7 @@ ROOMS = {
         "tasks",
         "cameras",
         "importers",
+        "learn",  # policies trained from recordings
         "clients",
         "policies",
         "record",

@@ -7,8 +7,8 @@ import pytest
 
 from safestage_eval.errors import InputError
 from simulate.arm.droid import HOME
+from simulate.learn.disturbance import START
 from simulate.policies.demonstration_policy import (
-    DISTURBED,
     FARTHEST,
     RETURN,
     RISE,
@@ -31,8 +31,8 @@ def episode():
 
 
 def spans(episode) -> list[tuple[int, int]]:
-    (note,) = [note for note in episode.header.notes if note.startswith(DISTURBED)]
-    pairs = [part.split("-") for part in note.removeprefix(DISTURBED).split(",")]
+    (note,) = [note for note in episode.header.notes if note.startswith(START)]
+    pairs = [part.split("-") for part in note.removeprefix(START).split(",")]
     return [(int(first), int(last)) for first, last in pairs]
 
 
@@ -66,7 +66,7 @@ def test_a_push_is_come_back_from_and_a_closed_gripper_is_pushed_less() -> None:
         policy._last = plan
         policy._actions = policy._pushed(plan)
         off = np.array([policy.act(seen)[0] - plan for _ in range(RISE + RETURN)])
-        assert policy.notes == (f"{DISTURBED} 0-{RISE - 1}",)
+        assert policy.notes == (f"{START} 0-{RISE - 1}",)
         assert np.abs(off[:, 7]).max() == 0
         farthest[closed] = np.abs(off[:RISE]).max()
         assert np.abs(off[RISE:]).max() < 5 * SHAKE < farthest[closed] + 4 * SHAKE

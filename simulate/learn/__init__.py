@@ -1,0 +1,1 @@
+"""Learned policies: demonstrations as LeRobot datasets, training from them, and acting."""
