@@ -66,6 +66,11 @@ class Conditions(ComputedSignals, ABC):
     def truth(self, event: ast.Event, env: Env) -> Truth:
         """The frames of an event; of a bare state, all frames where it holds."""
 
+    @property
+    @abstractmethod
+    def success_at_sample(self) -> bool:
+        """Success came when a sample was taken, not between two."""
+
     @abstractmethod
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts."""
@@ -124,6 +129,10 @@ class Conditions(ComputedSignals, ABC):
             when = None
         else:
             series = measured(reference)
+            if reference is not None and atom.since is not None:
+                earlier = self.earliest(atom.since, reference)
+                if earlier is not None:
+                    series = hidden_start.either(series, measured(earlier))
         for note in series.notes:
             self.notes[note] = None
         if when is None:
@@ -147,6 +156,14 @@ class Conditions(ComputedSignals, ABC):
             since, key = latest(instants, self.frames), f"since {instants.tobytes().hex()}"
             reference = Reference(baseline, since, key)
         return reference, None if when.known else when
+
+    def earliest(self, event: ast.Event, reference: Reference) -> Reference | None:
+        """The reference at the samples before those that show an event; None where it came with them."""
+        if event.kind == "start" or hidden_start.concerns(event):
+            return None
+        if event.kind == "success" and self.success_at_sample:
+            return None
+        return hidden_start.one_earlier(reference, self.clock.coarse)
 
     def condition(self, condition: ast.Condition, env: Env, wanted: Bool | None = None) -> Band:
         """All atoms hold.

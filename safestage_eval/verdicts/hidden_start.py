@@ -1,7 +1,8 @@
-"""Changes since the robot has had to do with a body, which began between two samples.
+"""Changes since an event that came between two samples.
 
 A body that was hit may have moved by the first sample that shows the touch. What the touch did is
-measured from the sample before that.
+measured from the sample before that. Of any other event between samples that are far apart nobody knows
+where the body was when it came: the change is a range.
 """
 
 from __future__ import annotations
@@ -32,6 +33,30 @@ def before(baseline: Baseline, first: int, frames: int) -> Reference:
     since = np.where(np.arange(frames) >= first, first - 1, -1)
     never = not 0 < first < frames  # the same then as since whatever else never came
     return Reference(baseline, since, "since " if never else f"since before {first}")
+
+
+def one_earlier(reference: Reference, coarse: Bool) -> Reference | None:
+    """The same events, each as early as the sample before allows; None where that is nowhere else.
+
+    ``coarse`` (T,): much may happen up to the next sample.
+    """
+    since = reference.since
+    if since is None or not coarse.any():
+        return None
+    between = (since > 0) & coarse[since - 1]
+    if not between.any():
+        return None
+    return Reference(reference.baseline, since - between, f"earliest {reference.key}")
+
+
+def either(one: Series, other: Series) -> Series:
+    """A signal that is one of two: from the least that either may be to the most."""
+    return Series(
+        np.minimum(one.lower, other.lower),
+        np.maximum(one.upper, other.upper),
+        one.dimension,
+        tuple(dict.fromkeys((*one.notes, *other.notes))),
+    )
 
 
 def since_some(

@@ -19,6 +19,7 @@ from .evaluate import Evaluator
 from .explain import seconds
 from .instance import Instance
 from .players import nodes
+from .search import since
 from .values import Env, ends_with_success
 
 REMEDIES = (
@@ -27,6 +28,7 @@ REMEDIES = (
     ("recorded between", "record every frame"),
     ("recorded before", "record from the start of the episode on"),
     ("scope ended between", "record more frames"),
+    ("came between two samples", "record more frames"),
     ("between two samples", "record more frames, and peaks over all physics steps"),
     ("finger", "say in the trace which bodies are the left and the right finger"),
     ("contact force", "record contact forces"),
@@ -230,11 +232,17 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
     if evaluator.clock.late and (atom.since is not None or evaluator.signal(asked.name).from_start):
         return f"nothing was recorded before {seconds(float(evaluator.episode.t[1]))}"
     if atom.since is not None:
-        _, when = evaluator.since(atom.since, env)
+        reference, when = evaluator.since(atom.since, env)
         if when is not None:
             found = _in_event(evaluator, atom.since, env, frame)
             if found:
                 return found
+        earlier = None if when is not None else evaluator.earliest(atom.since, reference)
+        if earlier is not None and earlier.since is not None and reference.since is not None:
+            came = int(earlier.since[frame])
+            if came != reference.since[frame]:
+                told = f"{ast.Call(atom.call.name, asked.bodies)}{since(atom, env)}"
+                return f"{told} is not known: that came{_apart(evaluator, came)}"
     series = evaluator.series(atom, env, here)
     remedied = [note for note in series.notes if _remedied(note)]
     if remedied:
