@@ -37,10 +37,6 @@ class _Judged(Subject):
         super().__init__(episode, rules, bind)
         self._verdicts = {verdict.rule: verdict for verdict in result.verdicts}
 
-    def _read(self, episode: Episode) -> Episode:
-        """As it is: of contacts only what is asked for."""
-        return episode
-
     def verdict(self, rule: ast.Scoped) -> Verdict | None:
         """As it was judged."""
         return self._verdicts.get(rule.code)

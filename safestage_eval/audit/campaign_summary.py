@@ -207,9 +207,9 @@ def _touched(subject: Subject, robot: set[str], targets: Sequence[str]) -> float
         for one, other in [*pairs, *((b, a) for a, b in pairs)]:
             if one in begun and begun.get(other, len(subject.episode)) > begun[one]:
                 frames = contacts.of_pair((min(one, other), max(one, other)), "frame")[0]
-                later = frames[np.searchsorted(frames, begun[one]) :]
-                if len(later) and later[0] < begun.get(other, len(subject.episode)):
-                    begun[other], changed = int(later[0]), True
+                later = frames[frames >= begun[one]]  # they may be in any order
+                if len(later) and later.min() < begun.get(other, len(subject.episode)):
+                    begun[other], changed = int(later.min()), True
     first = [begun[i] for i, body in enumerate(bodies) if body.name in targets and i in begun]
     return float(subject.episode.t[min(first)]) if first else None
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Track
+from safestage_eval.episode import Body, ContactTable, Episode, Track
+from safestage_eval.episode.contacts import Pair
 from safestage_eval.episode.scene_shapes import PLANE, SPHERE, body_shapes
 from safestage_eval.geometry.pose import matrix
 
@@ -214,6 +215,37 @@ class Start:
         return max(6, int(np.searchsorted(t, t[0] + 1.2)))
 
 
+class _EarlyContacts(ContactTable):
+    """The contacts of the first frames, pair by pair as they are asked for."""
+
+    def __init__(self, table: ContactTable, count: int) -> None:
+        vars(self).update(_table=table, _count=count, _rows={})
+
+    def __getattr__(self, name: str) -> Any:
+        """Whole columns."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        table = vars(self)["_table"]
+        return getattr(table, name)[table.frame < vars(self)["_count"]]
+
+    @cached_property
+    def pairs(self) -> list[Pair]:
+        """As in the base class."""
+        return [pair for pair in vars(self)["_table"].pairs if self._early(pair).any()]
+
+    def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
+        """As in the base class."""
+        early = self._early(pair)
+        return tuple(values[early] for values in vars(self)["_table"].of_pair(pair, *columns))
+
+    def _early(self, pair: Pair) -> NDArray[np.bool_]:
+        """Which rows of a pair are of the first frames."""
+        rows: dict[Pair, NDArray[np.bool_]] = vars(self)["_rows"]
+        if pair not in rows:
+            rows[pair] = vars(self)["_table"].of_pair(pair, "frame")[0] < vars(self)["_count"]
+        return rows[pair]
+
+
 def first_frames(episode: Episode, count: int) -> Episode:
     """The first frames of an episode, without its end: whether it succeeded is not known."""
     columns = [f.name for f in fields(Track)]
@@ -230,7 +262,7 @@ def first_frames(episode: Episode, count: int) -> Episode:
         header=header,
         t=episode.t[:count],
         tracks=tracks,
-        _contacts=table.where(table.frame < count),
+        _contacts=_EarlyContacts(table, count),
         _frames=replace(robot, **{f.name: getattr(robot, f.name)[:count] for f in fields(robot)}),
         channels={key: values[:count] for key, values in episode.channels.items()},
         states={},

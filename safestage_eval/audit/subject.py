@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import (
     Body,
-    ContactTable,
     Episode,
     Header,
     Track,
@@ -55,14 +53,9 @@ class Subject:
     """
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
-        given = episode if bind is None else bind.described(episode)
-        self.episode = self._read(given)
+        self.episode = episode if bind is None else bind.described(episode)
         self.rules, self.bind = rules, bind
         self.notes: dict[str, Any] = {}
-
-    def _read(self, episode: Episode) -> Episode:
-        """The episode as checks read it."""
-        return replace(episode, _contacts=lambda: _at_once(episode.contacts))
 
     @property
     def header(self) -> Header:
@@ -228,11 +221,6 @@ class Subject:
             )
         except InputError:
             return None
-
-
-def _at_once(table: ContactTable) -> ContactTable:
-    """All of a table: every check reads some of it, and pair by pair that takes twice as long."""
-    return ContactTable(*(getattr(table, column.name) for column in fields(ContactTable)))
 
 
 def defect_of(errors: list[ContradictionError]) -> Defect:

@@ -115,6 +115,13 @@ class ContactTable:
         rows = self._pair_order[1].get(pair, slice(0))
         return tuple(self._sorted(column)[rows] for column in columns)
 
+    def unordered(self, *columns: str) -> tuple[NDArray[Any], ...]:
+        """Whole columns, with rows in any order, but the same one in all of them.
+
+        A stored table hands them out as they are stored, which is cheaper than by frame.
+        """
+        return tuple(getattr(self, column) for column in columns)
+
     def _sorted(self, column: str) -> NDArray[Any]:
         """A column, pair by pair: sorted once, every pair is a slice of it."""
         found = self._columns_by_pair.get(column)

@@ -46,6 +46,33 @@ def test_a_pair_alone_is_the_pair_of_the_table(tmp_path_factory, episode, groups
         pq.write_table(rows, file, row_group_size=groups)
     (ref,) = discover(dataset)
     assert_same_pairs(ref.open().contacts, episode.contacts, in_order=groups is None)
+    at_once = ref.open(whole=True)
+    assert_same_pairs(at_once.contacts, episode.contacts, in_order=groups is None)
+    assert len(at_once.contacts) == len(episode.contacts)
+    for body, track in episode.tracks.items():
+        for name, column in track.columns.items():
+            np.testing.assert_array_equal(getattr(at_once.tracks[body], name), column)
+    unchecked = ref.open(checked=False, whole=True).contacts
+    for pair in episode.contacts.pairs if groups is None else ():  # in the same order, too
+        for mine, own in zip(
+            unchecked.of_pair(pair, *COLUMNS), episode.contacts.of_pair(pair, *COLUMNS), strict=True
+        ):
+            np.testing.assert_array_equal(mine, own)
+
+
+@settings(max_examples=20)
+@given(episodes(), st.booleans(), st.booleans())
+def test_rows_in_any_order_are_those_of_the_table(tmp_path_factory, episode, shuffle, whole):
+    dataset = tmp_path_factory.mktemp("rows")
+    save(episode, dataset)
+    if shuffle:
+        (file,) = (dataset / "contacts").glob("*.parquet")
+        rows = pq.read_table(file)
+        pq.write_table(rows.take(np.random.default_rng(1).permutation(len(rows))), file)
+    (ref,) = discover(dataset)
+    found = ref.open(whole=whole).contacts.unordered(*COLUMNS[:4])
+    expected = episode.contacts.unordered(*COLUMNS[:4])
+    np.testing.assert_array_equal(sorted_rows(found), sorted_rows(expected))
 
 
 def stacked(episode_id, frames):

@@ -100,7 +100,7 @@ def no_forces(subject: Subject) -> Iterator[Defect]:
                 field=field,
             )
         return
-    force = table.force
+    (force,) = table.unordered("force")
     if not np.nan_to_num(force).any():
         yield Defect(
             f'force_source is "{header.force_source}", but the forces of all {len(table)} contacts are '
@@ -126,13 +126,14 @@ def pulling_forces(subject: Subject) -> Iterator[Defect]:
     if not subject.readable or not len(subject.episode.contacts):
         return
     table = subject.episode.contacts
-    normal, force = table.normal, table.force
-    square = np.einsum("ij,ij->i", normal, normal)
-    off = np.abs(square - 1) > UNIT
+    normal, force = table.unordered("normal", "force")
+    off = np.abs(np.einsum("ij,ij->i", normal, normal) - 1) > UNIT
     if off.mean() > PULLS:
+        square = np.einsum("ij,ij->i", table.normal, table.normal)  # by frame
+        first = (np.abs(square - 1) > UNIT).argmax()
         yield Defect(
             f"{off.mean():.0%} of {len(table)} normals are not of length 1; the first has "
-            f"{np.sqrt(square[off.argmax()]):.3g}.",
+            f"{np.sqrt(square[first]):.3g}.",
             "write unit vectors, from body 1 to body 2",
             "normals were scaled with lengths, or never filled in",
             field="contacts.normal",

@@ -119,7 +119,9 @@ def _kind(kind: pa.DataType) -> str:
     return str(kind)
 
 
-def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Episode:
+def open_episode(
+    file: Path, episode_index: int, *, checked: bool = True, whole: bool = False
+) -> Episode:
     """Open the episode with an index, whose row stands in a file of ``meta/episodes``.
 
     Header and time are read now, tracks, contacts and the rest when first asked for.
@@ -129,6 +131,8 @@ def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Epi
         episode_index: which of its rows.
         checked: raise on broken invariants, now or when a column is loaded; without it the episode
             comes as it is, for ``check`` to list all that is wrong.
+        whole: read the columns of a table at once when the first of them is asked for, because all
+            will be used.
 
     Raises:
         TraceError: a file or column is missing or damaged, or an invariant is broken.
@@ -138,7 +142,7 @@ def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Epi
     rows = _by_episode(table, file).get(episode_index, [])
     if len(rows) != 1:
         raise TraceError(str(file), f"{len(rows)} rows with episode_index {episode_index}", "one")
-    return _StoredEpisode(file, rows[0], checked).episode()
+    return _StoredEpisode(file, rows[0], checked, whole=whole).episode()
 
 
 def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]]]:
@@ -155,7 +159,9 @@ def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]
 class _StoredEpisode:
     """Where the columns of one episode are, and how to load them."""
 
-    def __init__(self, file: Path, row: Mapping[str, Any], checked: bool) -> None:
+    def __init__(
+        self, file: Path, row: Mapping[str, Any], checked: bool, *, whole: bool = False
+    ) -> None:
         self.file, self.row, self.checked = file, row, checked
         self.dataset = file.parents[2]
         self.index: int = row["episode_index"]
@@ -165,7 +171,8 @@ class _StoredEpisode:
         self.seal = Seal(
             row.get("content_hash"), row.get("digests"), partial(_recomputed, file, row), self.where
         )
-        self.whole = checked and self.seal.digests is None  # its content hash will be computed
+        hashed = checked and self.seal.digests is None  # its content hash will be computed
+        self.whole = whole or hashed
         layout.check_version(row.get("schema_version") or "1.0", self.where)
         current().demand("frames", self.length, self.where)
         most = current().contacts * max(self.length, 1)
@@ -330,6 +337,7 @@ class _StoredEpisode:
                 geom_owner,
                 self.checked,
                 self.where,
+                self.whole,
             )
         )
 
@@ -373,6 +381,5 @@ class _StoredEpisode:
 
 def _recomputed(file: Path, row: Mapping[str, Any]) -> str:
     """The content hash, of everything. Raises TraceError for the first thing that is wrong with it."""
-    stored = _StoredEpisode(file, row, checked=False)
-    stored.whole = True
+    stored = _StoredEpisode(file, row, checked=False, whole=True)
     return computed(stored.episode())

@@ -40,6 +40,7 @@ class Source(NamedTuple):
         geom_owner: (G,) index of each geom's body.
         checked: raise on broken invariants.
         where: for messages.
+        whole: the table was read ahead.
     """
 
     table: StoredTable
@@ -50,6 +51,7 @@ class Source(NamedTuple):
     geom_owner: NDArray[np.int16]
     checked: bool
     where: str
+    whole: bool = False
 
     def demand(self, errors: list[TraceError]) -> None:
         """Raise the first of the errors, when the episode is to be checked."""
@@ -76,6 +78,16 @@ class StoredContacts(StoredColumns, ContactTable):
 
     _by_pair: _ByPair
 
+    def __len__(self) -> int:
+        """As in the base class."""
+        return super().__len__() if self._by_pair.places is None else self._by_pair.rows
+
+    def unordered(self, *columns: str) -> tuple[NDArray[Any], ...]:
+        """As in the base class."""
+        if self._by_pair.places is None:
+            return super().unordered(*columns)
+        return self._by_pair.of_all(columns)
+
     @property
     def pairs(self) -> list[Pair]:
         """As in the base class."""
@@ -95,6 +107,7 @@ class _ByPair:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._known: dict[tuple[Pair, str], NDArray[Any]] = {}
+        self._whole: dict[str, NDArray[Any]] = {}
 
     @cached_property
     def places(self) -> dict[Pair, Names] | None:
@@ -132,8 +145,64 @@ class _ByPair:
             )
         return index[name]
 
+    @property
+    def rows(self) -> int:
+        """Return how many there are of all pairs."""
+        return self._source.rows
+
+    def of_all(self, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
+        """Return whole columns, as they are stored or pair by pair."""
+        if not self._source.checked and self._sorted is not None:
+            return tuple(map(self._sorted_column, names))
+        source = self._source
+        arrays = source.table.blocks(tuple(map(_block, names)), source.episode_index)
+        return tuple(a[:, 0] if a.shape[1] == 1 else a for a in arrays)
+
+    @cached_property
+    def _sorted(self) -> tuple[NDArray[np.intp], dict[Pair, slice]] | None:
+        """Order of the stored rows pair by pair as in the canonical table, and the place of each pair.
+
+        None where the table was not read ahead, or pairs have other rows between theirs.
+        """
+        source, names_of = self._source, self.places or {}
+        if not source.whole or not names_of:
+            return None
+        slots, frames = source.table.blocks(
+            (Block(("slot",), np.dtype(np.int16)), _block("frame")), source.episode_index
+        )
+        spans, orders, at = dict[Pair, slice](), list[NDArray[np.intp]](), 0
+        for pair in sorted(names_of):
+            rows = source.table.span(source.episode_index, names_of[pair])
+            if rows is None:
+                return None
+            frame, slot = frames[rows, 0], slots[rows, 0]
+            order = np.argsort(frame, kind="stable")
+            if (slot[1:] < slot[:-1]).any():
+                order = np.lexsort((slot, frame))
+            orders.append(rows.start + order)
+            spans[pair] = slice(at, at + len(order))
+            at += len(order)
+        return np.concatenate(orders), spans
+
+    def _sorted_column(self, name: str) -> NDArray[Any]:
+        """Return a whole column pair by pair, or a component of a vector."""
+        values = self._whole.get(name)
+        if values is None:
+            assert self._sorted is not None
+            vector, _, axis = name.partition(".")
+            if axis:
+                return self._sorted_column(vector)[:, XYZ.index(axis)]
+            source, block = self._source, _block(name)
+            (stored,) = source.table.blocks((block,), source.episode_index)
+            array = stored if len(block.names) > 1 else stored[:, 0]
+            values = self._whole[name] = array.take(self._sorted[0], axis=0)
+        return values
+
     def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
         """Return columns of the table, and components of vectors; those not loaded yet are read at once."""
+        if self._source.whole and not self._source.checked and self._sorted is not None:
+            rows = self._sorted[1].get(pair, slice(0))
+            return tuple(self._sorted_column(name)[rows] for name in names)
         arrays = [self._column(pair, name) for name in names]
         new = {name for name, array in zip(names, arrays, strict=True) if array is None}
         if new:
@@ -167,6 +236,8 @@ class _ByPair:
 
     def _check(self, pair: Pair, name: str, values: NDArray[Any]) -> None:
         source = self._source
+        if not source.checked:
+            return
         if name == "frame":
             source.demand(check_frame_range(values, source.frames, source.where))
         elif name in GEOMS:

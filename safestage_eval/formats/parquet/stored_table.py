@@ -63,6 +63,7 @@ class StoredTable(TableFile):
         self._spans: dict[int, list[_Span]] = {}
         self._segments: dict[int, Segments] = {}
         self._ahead: dict[int, pa.Table] = {}
+        self._arrays_ahead: dict[tuple[int, Block], NDArray[Any]] = {}
 
     def compare(self, episode: int, seal: Seal) -> None:
         """Compare from now on what is read of an episode with its stated digests.
@@ -131,12 +132,17 @@ class StoredTable(TableFile):
         else:
             places = self.places(episode).get(names, [])
         columns = list(chain.from_iterable(block.names for block in blocks))
-        table = self._from_ahead(episode, columns, places)
-        if table is None:
+        stretch = self._stretch_ahead(episode, columns, places)
+        if stretch is None:
             table = self._read_places(columns, places)
+        elif episode in self._segments:
+            table = self._ahead[episode].select(columns).slice(stretch.first, stretch.rows)
         if episode in self._segments:
-            self._compare(episode, places, table.select(columns))
-        return self._arrays(table, blocks)
+            self._compare(episode, places, table)
+        if stretch is None:
+            return self._arrays(table, blocks)
+        rows = slice(stretch.first, stretch.first + stretch.rows)
+        return [self._array_ahead(episode, block)[rows] for block in blocks]
 
     def places(self, episode: int) -> Mapping[Names, list[Place]]:
         """Return the places of the rows of each body or pair of an episode, in stored order.
@@ -156,6 +162,13 @@ class StoredTable(TableFile):
             if episode in self._segments:
                 self._compare_names(episode)
         return self._places[episode]
+
+    def span(self, episode: int, names: Names) -> slice | None:
+        """Return the rows of a body or pair among those of an episode; None if they are scattered."""
+        stretches = self._stretches(episode, self.places(episode).get(names, []))
+        if len(stretches) != 1:
+            return None
+        return slice(stretches[0].first, stretches[0].first + stretches[0].rows)
 
     def codes(self, table: pa.Table, column: str, index: dict[str, int]) -> NDArray[np.int16]:
         """As ``arrow_values.codes``."""
@@ -197,17 +210,23 @@ class StoredTable(TableFile):
             members = index.members[group] = runs_to_members(runs)
         return members
 
-    def _from_ahead(
+    def _stretch_ahead(
         self, episode: int, columns: Sequence[str], places: Sequence[Place]
-    ) -> pa.Table | None:
-        """The rows at some places, if they were read ahead and lie together."""
+    ) -> _Stretch | None:
+        """The rows at some places among those that were read ahead, if they lie together there."""
         table = self._ahead.get(episode)
         if table is None or not set(columns).issubset(table.column_names):
             return None
         stretches = self._stretches(episode, places)
-        if len(stretches) != 1:
-            return None
-        return table.slice(stretches[0].first, stretches[0].rows)
+        return stretches[0] if len(stretches) == 1 else None
+
+    def _array_ahead(self, episode: int, block: Block) -> NDArray[Any]:
+        """(N, C) numbers of a block in all rows that were read ahead, made once."""
+        key = episode, block
+        if key not in self._arrays_ahead:
+            table = self._ahead[episode].select(block.names)
+            self._arrays_ahead[key] = self._cast(table, block)
+        return self._arrays_ahead[key]
 
     def _read_places(self, columns: Sequence[str], places: Sequence[Place]) -> pa.Table:
         """The rows at some places, one after the other."""
