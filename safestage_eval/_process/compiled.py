@@ -55,8 +55,9 @@ def cache_folder(room: Path) -> Path | None:
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether a folder can be written to, or made."""
-    there = next((each for each in (folder, *folder.parents) if each.exists()), None)
+    """Whether a folder can be written to, or made; what may not even be looked at cannot."""
+    ways = (folder, *folder.parents)
+    there = next((each for each in ways if os.access(each, os.F_OK)), None)
     return there is not None and there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 

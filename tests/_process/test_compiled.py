@@ -14,8 +14,8 @@ from scenes import Scene
 from safestage_eval.formats import save
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
-"""What lets root write where modes forbid it; see linux/prctl.h and linux/capability.h."""
+PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH = 24, 1, 2
+"""What lets root write and look where modes forbid it; see linux/prctl.h and linux/capability.h."""
 
 HOMELESS = "import pwd\ndef unknown(_): raise KeyError('uid not found')\npwd.getpwuid = unknown\n"
 """A user id that the machine does not know: containers are started under such."""
@@ -43,7 +43,8 @@ def installed(tmp_path_factory):
 def powerless():
     """Root obeys modes, too."""
     if not os.geteuid():
-        ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
+        for power in (CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH):
+            ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, power, 0, 0, 0)
 
 
 def homeless(installed, code, **more):
@@ -67,6 +68,14 @@ COMPILE = (
 @pytest.mark.parametrize("more", [{}, {"HOME": "/proc/nowhere"}, {"NUMBA_CACHE_DIR": "/proc/none"}])
 def test_kernels_are_compiled_where_nothing_can_be_kept(installed, more):
     run = homeless(installed, COMPILE, **more)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "True\n", "")
+
+
+def test_the_home_of_somebody_else_is_no_error(installed, tmp_path):
+    """A container that is started as any user, with root's home: nobody may even look into it."""
+    theirs = tmp_path / "root"
+    theirs.mkdir(mode=0o000)
+    run = homeless(installed, COMPILE, HOME=str(theirs))
     assert (run.returncode, run.stdout, run.stderr) == (0, "True\n", "")
 
 
