@@ -26,6 +26,9 @@ OBSOLETE = {
 }
 """Attributes of older MuJoCo versions that newer ones refuse, and that do not change the physics."""
 
+UNREADABLE = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
+"""What MuJoCo raises on models that it cannot use: some faults are only its "unknown exception"."""
+
 ONLY_SEEN = ("visual", "statistic", "keyframe", "sensor", "custom")
 """Sections that no contact depends on."""
 
@@ -65,17 +68,18 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
     """
     try:
         spec = mujoco.MjSpec.from_string(_plain(text, where))
-    except ValueError as error:
+        needed, unweighed, drawn = _strip(spec)
+    except UNREADABLE as error:
         raise InputError(where, f"MuJoCo cannot read the model: {_line(error)}.") from None
-    needed, unweighed, drawn = _strip(spec)
     spec.assets = files = _files(spec, needed, where, assets)
     try:
         model = spec.compile()
-    except ValueError as error:
+        written = spec.to_xml()
+    except UNREADABLE as error:
         raise InputError(where, f"MuJoCo cannot compile the model: {_line(error)}.") from None
     if model.nflex:
         raise InputError(where, "the model has soft bodies (flex), which no trace can hold.")
-    return Loaded(model, unweighed, drawn, _for_older(spec.to_xml()), files)
+    return Loaded(model, unweighed, drawn, _for_older(written), files)
 
 
 def _for_older(text: str) -> str:
@@ -101,13 +105,11 @@ def _plain(text: str, where: str) -> str:
             "the model is in global coordinates, which MuJoCo reads no more since 2.3.4.",
             fix="save it with an older MuJoCo (mj_saveLastXML), which writes local ones",
         )
-    outside = next(
-        (e for tag in ("include", "model") for e in root.iter(tag) if e.get("file")), None
-    )
+    outside = next((e for tag in ("include", "model") for e in root.iter(tag)), None)
     if outside is not None:
         raise InputError(
             where,
-            f"the model takes in another file, {outside.get('file')!r}.",
+            f"the model takes in another file, {outside.get('file', '')!r}.",
             fix="store the model in one piece, as mj_saveLastXML writes it",
         )
     for name in ONLY_SEEN:

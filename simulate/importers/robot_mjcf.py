@@ -13,6 +13,7 @@ from safestage_eval.importers.robot_model import RobotJoint, RobotLink, RobotMod
 from simulate.world.describe import Description
 
 from .foreign_facts import ForeignFacts
+from .model_file import UNREADABLE
 
 
 def robot_from_mjcf(path: Path) -> RobotModel:
@@ -24,7 +25,7 @@ def robot_from_mjcf(path: Path) -> RobotModel:
     """
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
+    except UNREADABLE as error:
         raise InputError(
             str(path), f"MuJoCo cannot read it: {' '.join(str(error).split())}."
         ) from None

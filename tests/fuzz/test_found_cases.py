@@ -184,6 +184,19 @@ def test_a_name_that_its_dictionary_does_not_have(dataset):
         stored.codes(pa.table({"body1": names}), "body1", {"cube": 0, "table": 1})
 
 
+def test_a_text_that_its_dictionary_does_not_have(dataset, monkeypatch):
+    """A page of texts refers to more of them than there are: pyarrow notices when it unfolds them."""
+    stored = StoredTable(the_only(dataset, "geometry"), "geometry")
+    rows = stored.footer.index.rows[0]
+    texts = pa.DictionaryArray.from_arrays(
+        pa.array([6] * rows, pa.int32()), pa.array(["a", "b"]), safe=False
+    )
+    read = pa.table({"name": texts})
+    monkeypatch.setattr(pq.ParquetFile, "read_row_groups", lambda *_, **__: read)
+    with pytest.raises(TraceError, match=r"not a whole Parquet file.*out of bounds"):
+        stored.read([0], ["name"])
+
+
 def test_the_header_of_an_mcap_has_a_checksum(tmp_path):
     falling_cube("m").close(tmp_path / "m.mcap")
     data = (tmp_path / "m.mcap").read_bytes()

@@ -297,6 +297,8 @@ def test_what_cannot_be_imported_says_what_is_missing(tmp_path: Path) -> None:
     assert "row 2" in refused(demo_file(path, text, broken))
     assert "not XML" in refused(demo_file(path, "<mujoco", states))
     assert "cannot read the model" in refused(demo_file(path, "<mujoco><wrong/></mujoco>", states))
+    nested = text.replace("<worldbody>", "<asset><model name='x'/></asset><worldbody>", 1)
+    assert "takes in another file" in refused(demo_file(path, nested, states))
     assert "global coordinates" in refused(
         demo_file(path, text.replace("<option", '<compiler coordinate="global"/><option'), states)
     )

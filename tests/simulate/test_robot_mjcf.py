@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from safestage_eval.errors import InputError
 from safestage_eval.importers.robot_file import load_robot, robot_from_urdf
 from simulate.arm import droid
 
@@ -62,6 +63,14 @@ def test_mjcf_with_several_joints_at_a_body(tmp_path):
     assert "table" not in bodies
     assert bodies["gripper_left_finger"].kind == "gripper"
     assert bodies["a"].kind == "robot"
+
+
+def test_what_mujoco_has_no_words_for_is_told(tmp_path):
+    """Of a nested model without a file it raises nothing but an unknown exception."""
+    path = tmp_path / "r.xml"
+    path.write_text(MJCF.replace("<worldbody>", "<asset><model/></asset><worldbody>"))
+    with pytest.raises(InputError, match=r"r\.xml: MuJoCo cannot read it"):
+        load_robot(path)
 
 
 def test_our_own_arm():

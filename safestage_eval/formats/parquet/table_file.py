@@ -226,12 +226,12 @@ class TableFile:
         file = self._file_of_texts if texts else self._file
         try:
             table = file.read_row_groups(groups, columns=columns, use_threads=False)
+            if table.column_names != columns:
+                raise self._other_columns(table.column_names, columns)
+            if rows > 1 and (texts or not shared.isdisjoint(columns)):
+                table = self._unfolded(table, texts, shared)
         except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
             raise self._unreadable(error) from None
-        if table.column_names != columns:
-            raise self._other_columns(table.column_names, columns)
-        if rows > 1 and (texts or not shared.isdisjoint(columns)):
-            table = self._unfolded(table, texts, shared)
         if table.num_rows != rows or any(len(column) != rows for column in table.itercolumns()):
             name = next((name for name in columns if len(table[name]) != rows), columns[0])
             raise TraceError(
