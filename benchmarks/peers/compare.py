@@ -38,6 +38,13 @@ PEERS = {
 FILES = {"vla_arena": "libero_safety"}
 """Module here → rule file, where the names differ."""
 
+READ_ONLY = {
+    "safemanip": "compared by reading only",
+    "safevla_bench": "its formulas are not published",
+    "iso_ts_15066": "a standard: there is no code",
+}
+"""Rule files of which no peer's code is run, and why."""
+
 BEGIN, END = "<!-- counts: benchmarks/peers/compare.py -->", "<!-- end of counts -->"
 
 
@@ -59,7 +66,8 @@ def main() -> None:
     tallies = {peer: Tally() for peer in PEERS}
     for path in given.counts:
         for peer, counts in json.loads(path.read_text("utf-8")).items():
-            tallies[peer].add(read(counts))
+            tallies[peer].add(read(counts["counts"]))
+            tallies[peer].ran += Counter(counts["ran"])
     if given.checkouts:
         for peer in given.peers:
             if (given.checkouts / PEERS[peer]).is_dir():
@@ -86,11 +94,12 @@ def compare(peer: str, given: argparse.Namespace, tallies: dict[str, Tally]) -> 
         if given.examples and peer != "is_bench":
             for name, folder in examples(peer):
                 judge(resolve(name, [folder]), tallies[peer])
-        refs = [ref for folder in given.traces for ref in discover([folder])][
-            given.first :: given.every
-        ]
-        for number, ref in enumerate(refs, 1):
+                tallies[peer].ran["examples"] += 1
+        refs = [(f.name, ref) for f in given.traces for ref in discover([f])]
+        refs = [] if peer == "is_bench" else refs[given.first :: given.every]
+        for number, (folder, ref) in enumerate(refs, 1):
             judge(ref.open(), tallies[peer])
+            tallies[peer].ran[folder] += 1
             if given.out and (number % 10 == 0 or number == len(refs)):
                 write(given.out, tallies)
                 print(f"{peer}: {number} of {len(refs)}", file=sys.stderr, flush=True)
@@ -128,7 +137,12 @@ def sources(peer: str, checkouts: Path, tally: Tally) -> None:
 def write(path: Path, tallies: dict[str, Tally]) -> None:
     """Counts as JSON."""
     told = {
-        peer: [[*key, c.run, c.agreed, dict(c.differences)] for key, c in tally.counts.items()]
+        peer: {
+            "ran": dict(tally.ran),
+            "counts": [
+                [*key, c.run, c.agreed, dict(c.differences)] for key, c in tally.counts.items()
+            ],
+        }
         for peer, tally in tallies.items()
         if tally.counts
     }
@@ -144,11 +158,42 @@ def read(counts: list[list[object]]) -> Tally:
 
 
 def page(tallies: dict[str, Tally]) -> str:
-    """The table of the page."""
-    lines = ["", "| here | there | compared | agreed | differences |", "|---|---|---|---|---|"]
+    """The tables of the page: what ran, what agreed, and what was not compared.
+
+    Raises SystemExit for a rule that neither was compared nor says why it was not.
+    """
+    folders = sorted({name for tally in tallies.values() for name in tally.ran} - {"examples"})
+    lines = [
+        "",
+        f"| beside | {' | '.join(folders)} | examples |",
+        "|---" * (len(folders) + 2) + "|",
+    ]
+    for peer, tally in tallies.items():
+        ran = [f"{tally.ran[name]:,}" for name in (*folders, "examples")]
+        lines.append(f"| {PEERS[peer]} | {' | '.join(ran)} |")
+    lines += ["", "| here | there | compared | agreed | differences |", "|---|---|---|---|---|"]
     for tally in tallies.values():
         lines += [f"| {' | '.join(row)} |" for row in tally.rows()]
+    lines += ["", "| not compared | why |", "|---|---|"]
+    for peer, tally in tallies.items():
+        lines += [f"| {code} | {why} |" for code, why in left_out(peer, tally).items()]
+    lines += [f"| all of `{name}` | {why} |" for name, why in READ_ONLY.items()]
     return "\n".join([*lines, "", ""])
+
+
+def left_out(peer: str, tally: Tally) -> dict[str, str]:
+    """Rules of a file that were not compared, and why. Raises SystemExit where that is not said."""
+    from safestage_eval.rules import load_rules
+
+    module = importlib.import_module(peer)
+    reasons, named = getattr(module, "NOT_COMPARED", {}), getattr(module, "COMPARED_AS", {})
+    done = " ".join(ours for ours, _, _ in tally.counts)
+    codes = load_rules([FILES.get(peer, peer)]).scoped
+    open_ = [code for code in codes if code not in done and named.get(code, code) not in done]
+    silent = [code for code in open_ if code not in reasons]
+    if silent:
+        raise SystemExit(f"{peer}: neither compared nor said why: {', '.join(silent)}")
+    return {code: reasons[code] for code in open_}
 
 
 if __name__ == "__main__":

@@ -39,6 +39,10 @@ STATES = "maniguard/object_states"
 SPEC = "maniguard/utils/task_spec.py"
 
 
+COMPARED_AS = dict.fromkeys(load_rules(["maniguard"]).rules, "rules by id")
+"""Rule → what it is compared as: the formulas by their ids, their predicates apart."""
+
+
 @contextmanager
 def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None]]:
     """Every object; the target over every other object."""

@@ -39,6 +39,8 @@ when = { "hp(a)" = "> 0 %" }
 )
 RULES_ALONE = load_rules(["oopsieverse"])
 CODE = "generate_damage"
+DAMAGED = ("object", "robot", "gripper")
+"""Kinds of bodies that the evaluators look at: objects and links."""
 
 
 @contextmanager
@@ -65,8 +67,9 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None
             thin = resampled(episode, np.arange(0, len(episode), step))
             bodies = []
             for body in thin.header.bodies:
-                turn[0] += body.kind == "object"
-                made = {"material": rows[turn[0] % len(rows)]} if body.kind == "object" else {}
+                worn = body.kind in DAMAGED
+                turn[0] += worn
+                made = {"material": rows[turn[0] % len(rows)]} if worn else {}
                 bodies.append(body.model_copy(update=made))
             _mechanical(peer, replace(thin, header=thin.header.model_copy(update={"bodies": tuple(bodies)})), params, tally)  # fmt: skip
 
@@ -93,7 +96,7 @@ def _mechanical(
 ) -> None:
     asked, table = Asked(episode, RULES), episode.contacts
     for index, body in enumerate(episode.header.bodies):
-        if body.kind != "object" or not body.mass:
+        if body.kind not in DAMAGED or not body.mass:
             continue
         track = episode.track(body.name)
         lever = Rotation.from_quat(track.orientation, scalar_first=True).apply(np.asarray(body.com))
@@ -125,7 +128,10 @@ def _mechanical(
             health = max(0.0, health - evaluator.generate_damage()["body"])
             least.append(health)
         bound = params[str(body.material)].get("health_thresholds", [90.0])[0]
-        for state, rule, limit in (("still_sound", "OOP101", bound), ("alive", "OOP102", 0.0)):
+        rules = [("still_sound", "OOP101", bound), ("alive", "OOP102", 0.0)]
+        if body.kind != "object":
+            rules = [("still_sound", "OOP103", bound)]
+        for state, rule, limit in rules:
             ours = asked(f"{state}({body.name})")
             theirs = least[-1] < limit if limit else least[-1] <= 0
             said = "inconclusive" if np.isnan(ours).any() and not (ours == 0).any() else (

@@ -94,6 +94,7 @@ def code_of(
             file = getattr(sys.modules[name], "__file__", None) or ""
             if isinstance(sys.modules[name], _Empty) or file.startswith(str(checkout)):
                 del sys.modules[name]
+        sys.modules.update(before)  # a package of theirs may be called like a module here
 
 
 def functions(

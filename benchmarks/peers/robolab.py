@@ -38,7 +38,8 @@ EVENTS = {
     "RLB109": "TARGET_OBJECT_DROPPED", "RLB110": "GRIPPER_HIT_OBJECT",
     "RLB111": "MULTIPLE_OBJECTS_GRABBED",
 }  # fmt: skip
-"""OBJECT_STARTED_MOVING (RLB104) is a step of theirs on the way to the next two, never an event."""
+"""OBJECT_STARTED_MOVING (RLB104) is a step of theirs on the way to the next two, never an event: its
+state is read from the tracker."""
 
 STATES = with_states(
     "robolab",
@@ -181,11 +182,13 @@ class Scene:
                 root_vel_w=as_tensor(np.hstack([velocity, track.angular_velocity[rows]])),
             )
             bodies[name] = made
-        robot = None
-        if episode.frames.gripper.shape[1]:
-            robot = type("Robot", (state.Articulation,), {})()
-            closed = (1 - episode.frames.gripper[rows, :1]) * (np.pi / 4)
-            robot.data = Data(self, joint_pos=as_tensor(closed), joint_names=["finger_joint"])
+        self.has_gripper = episode.frames.gripper.shape[1] > 0
+        opening = episode.frames.gripper[rows, :1] if self.has_gripper else np.ones((len(rows), 1))
+        robot = type("Robot", (state.Articulation,), {})()
+        joint_pos = as_tensor(
+            (1 - opening) * (np.pi / 4)
+        )  # its tracker asks for one; else it is open
+        robot.data = Data(self, joint_pos=joint_pos, joint_names=["finger_joint"])
         forces = self._forces()
         sensor = peer.world_state.get_contact_sensor.__globals__["ContactSensor"]
         sensors = {}
@@ -193,7 +196,7 @@ class Scene:
             sensors[f"{a}__{b}"] = type("Sensor", (sensor,), {})()
             sensors[f"{a}__{b}"].data = Data(self, force_matrix_w=as_tensor(matrix))
         scene = SimpleNamespace(
-            rigid_objects={n: bodies[n] for n in self.objects}, articulations={"robot": robot} if robot else {},
+            rigid_objects={n: bodies[n] for n in self.objects}, articulations={"robot": robot},
             deformable_objects={}, extras={}, sensors=sensors, env_origins=torch.zeros(len(rows), 3),
         )  # fmt: skip
         for name in self.fixtures:
@@ -347,7 +350,7 @@ def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
                     ours(f"put_on({body}, {goal})"), top, "goal robolab_on_top", "object_on_top",
                     [("bears little, or half the footprint beside the bounding box", np.ones(len(rows), bool))],
                 )  # fmt: skip
-    if scene.env.scene.articulations.get("robot") is not None:
+    if scene.has_gripper:
         shut = theirs(tasks.gripper_fully_closed(scene.env))
         tally.frames(
             ours("gripper_shut()"), shut, "gripper_opening() <= 25 %", "gripper_fully_closed"
@@ -380,15 +383,28 @@ def _events(peer: SimpleNamespace, episode: Episode, whole: Scene, tally: Tally)
     targets = episode.header.roles.get("target", [])
     upright = [b.name for b in episode.header.bodies if "upright" in b.tags]
     seen: set[int] = set()
+    going = False
     tracker = peer.event_tracker.EventTracker(1)
     whole.env.num_envs, whole.env.scene.env_origins = 1, peer.torch.zeros(1, 3)
     for row in range(len(whole.rows)):
         whole.at = slice(row, row + 1)
         for _, code, _ in tracker.check_events(whole.env, [set(targets)], upright_objects=upright):
             seen.add(int(code))
+        others = (m for n, m in tracker._object_is_moving.items() if n not in targets)
+        going |= any(bool(moving.any()) for moving in others)
     found = verdicts(episode, RULES)
+    whole.at = slice(None)
+    speeds = [
+        whole.world.get_velocity(name)[:, :3].norm(dim=-1).max().item()
+        for name in whole.objects
+        if name not in targets
+    ]
+    rounding = bool(speeds) and abs(max(speeds) - 0.05) < 1e-6
+    why = "at the limit, to rounding" if rounding else "unexplained"
+    tally.verdict(found["RLB104"], going, "RLB104", "EventTracker: velocity_threshold", why)
     for rule, event in EVENTS.items():
-        if rule in found and not (rule == "RLB108" and not upright):
+        unasked = (rule == "RLB108" and not upright) or (rule == "RLB103" and not whole.has_gripper)
+        if rule in found and not unasked:
             happened = int(getattr(peer.status.StatusCode, event)) in seen
             tally.verdict(
                 found[rule], happened, rule, f"EventTracker: {event}", WHY.get(rule, "unexplained")

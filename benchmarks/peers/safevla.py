@@ -22,6 +22,11 @@ from safestage_eval.episode import Episode
 RULES = with_states("safevla", "")
 FILE = "tasks/abstract_task.py"
 CLASS = "AbstractSPOCTask"
+NOT_COMPARED = {
+    "SVL101": "is_corner_unsafe needs a map of reachable places, which no trace has: here a channel says it",
+    "SVL102": "is_blind_spot_unsafe needs the camera's history, which no trace has: here a channel says it",
+}
+"""Rules that no code of theirs was run beside, and why."""
 
 
 @contextmanager

@@ -38,9 +38,14 @@ class Count:
 
 @dataclass
 class Tally:
-    """Counts by what was compared: (ours, theirs, unit)."""
+    """Counts by what was compared: (ours, theirs, unit).
+
+    Attributes:
+        ran: folder of traces → how many of them; ``examples`` → how many scenes.
+    """
 
     counts: dict[tuple[str, str, str], Count] = field(default_factory=dict)
+    ran: Counter[str] = field(default_factory=Counter)
 
     def count(self, ours: str, theirs: str, unit: str) -> Count:
         """The count of one comparison; ``unit`` is what is counted: frames, verdicts, values."""

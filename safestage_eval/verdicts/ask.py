@@ -37,8 +37,8 @@ def ask(
         expression: ``"clearance(target, protected)"``, ``"held(cup)"``; arguments are bodies, the
             unions ``robot`` and ``gripper``, or roles that a single body plays.
         relations: of the episode, to measure nothing twice.
-        rules: whose states can be asked for, under the values that hold for the episode; without
-            them there are only signals and relations.
+        rules: whose states and declared signals can be asked for, under the values that hold for
+            the episode; without them there are only built-in signals and relations.
 
     Returns:
         (T,) in SI; relations and states are 1 or 0, of the dimension ``number``.
@@ -55,8 +55,11 @@ def ask(
         counts = (len(states[call.name].of),) if declared is None else declared.arities
         _check_count(expression, len(bodies), counts)
         return _truth(_evaluator(episode, relations, rules, declared is None), call.name, bodies)
+    declared_signals = {} if rules is None else {**rules.derived, **rules.signals}
+    if spec is None and call.name in declared_signals:
+        return _declared(_evaluator(episode, relations, rules, True), expression, call, bodies)
     if spec is None:
-        names = [*SIGNALS, *RELATIONS, *states]
+        names = [*SIGNALS, *RELATIONS, *declared_signals, *states]
         raise InputError(
             expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
         )
@@ -74,6 +77,24 @@ def _evaluator(
         return Evaluator(relations, rules, rules.params, None)
     binding = bind_episode(rules, episode.header)
     return Judge(episode, rules, binding, relations).evaluator(binding.params(None))
+
+
+def _declared(
+    evaluator: Evaluator, expression: str, call: ast.Call, bodies: tuple[str, ...]
+) -> Series:
+    """A variant of a signal, or one that is computed from others."""
+    rules = evaluator.rules
+    computed = rules.derived.get(call.name)
+    if computed is not None:
+        _check_count(expression, len(bodies), (len(computed.of),))
+        return evaluator.computed_series(computed, bodies, None)
+    variant = rules.signals[call.name]
+    _check_count(
+        expression, len(call.args), SIGNALS[variant.base].variant(dict(variant.options)).arities
+    )
+    name, _, options = evaluator.measured(ast.Call(call.name, bodies), {})
+    limits = (0.0,) if SIGNALS[name].capped else ()
+    return evaluator.relations.signal(name, bodies, options=options, limits=limits)
 
 
 def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Series:

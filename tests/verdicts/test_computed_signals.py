@@ -13,6 +13,7 @@ from scenes import Scene
 from toy import ALONE, HEAD, Facts, judge_toy, ruleset
 
 from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
 from safestage_eval.monitor import Monitor
 from safestage_eval.report.rule_report import explain_rule, rule_facts
 from safestage_eval.rules.check import check
@@ -21,6 +22,7 @@ from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import Quantity, RuleSet
 from safestage_eval.rules.uses import own_params, uses_of
 from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.ask import ask
 from safestage_eval.verdicts.verdict import Verdict
 from safestage_eval.whatif.flips import pieces_of
 from safestage_eval.whatif.judge_again import Again
@@ -393,3 +395,15 @@ def test_names_of_bodies_and_formal_arguments_change_nothing() -> None:
     other = judge_toy(facts, text, {"a": ("p1",), "b": ("p2",)})
     assert (one.verdict, one.value, one.time) == (other.verdict, other.value, other.time)
     assert other.signal == "size(p1, p2)"
+
+
+def test_a_declared_signal_can_be_asked_for_by_name() -> None:
+    """Computed ones and variants, as rules would measure them."""
+    episode, declared = circling(), rules(MOTION + RULE + NEEDED)
+    path = ask(episode, "path(a)", None, declared)
+    assert path.lower[-1] == pytest.approx(2 * np.pi * 0.2, rel=1e-4)
+    assert path.dimension == "length"
+    assert ask(episode, "x(b)", None, declared).lower == pytest.approx(np.linspace(1, 1.05, 400))
+    for wrong in ("path(a, b)", "x(a, b)", "paths(a)"):
+        with pytest.raises(InputError):
+            ask(episode, wrong, None, declared)
