@@ -148,32 +148,6 @@ def described(path: Path) -> dict[str, Any] | None:
     return info if isinstance(info, dict) else None
 
 
-def column_of(text: str) -> str:
-    """``"observation.state[3:7]"`` → ``observation.state``."""
-    return _split(text)[0]
-
-
-def part_of(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
-    """Return (T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
-    name, part = _split(text)
-    values = columns[name][:, part]
-    if width is not None and values.shape[1] != width:
-        raise TraceError(
-            where, f"{text} has {values.shape[1]} numbers in a row.", f"{width} numbers",
-            'name a part of the column: "observation.state[3:7]"',
-        )  # fmt: skip
-    return values
-
-
-def _split(text: str) -> tuple[str, slice]:
-    match = re.fullmatch(r"(.*?)(?:\[(\d+)(?::(\d+))?\])?", text.strip(), re.DOTALL)
-    assert match is not None
-    if match[2] is None:
-        return match[1], slice(None)
-    first = int(match[2])
-    return match[1], slice(first, int(match[3]) if match[3] else first + 1)
-
-
 def _tasks(meta: Path) -> Iterator[tuple[int, str]]:
     if (meta / "tasks.jsonl").is_file():
         for line in (meta / "tasks.jsonl").read_text("utf-8").splitlines():

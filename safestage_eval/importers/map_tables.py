@@ -171,9 +171,11 @@ class BodyColumns(_Table):
 
 
 class ColumnsTable(_Table):
-    """``[columns]``: which columns of a table hold what (LeRobot)."""
+    """``[columns]``: which columns of a table hold what (LeRobot, RLDS)."""
 
     body: dict[str, BodyColumns] = Field(default_factory=dict)
+    time: str | None = None
+    """s."""
     joint_position: str | None = None
     joint_velocity: str | None = None
     joint_torque: str | None = None

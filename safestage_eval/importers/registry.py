@@ -17,6 +17,7 @@ OWN = {
     "maniskill": "maniskill",
     "calvin": "calvin",
     "lerobot": "lerobot",
+    "rlds": "rlds",
     "tf": "transforms",
 }
 """Format → file in this folder, in the order in which they are asked."""

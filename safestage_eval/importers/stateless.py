@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from safestage_eval._text.json_text import from_json
-
 from . import hdf5
 from .importer import Refused, SourceError
 
@@ -47,14 +45,11 @@ def ask_for(source: str) -> str:
 
 
 class Stateless(Refused):
-    """RLDS, raw DROID, ALOHA, and HDF5 with observations only."""
+    """Raw DROID, ALOHA, and HDF5 with observations only."""
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
-        """By ``features.json`` and ``dataset_info.json``, or by HDF5 groups without states."""
-        if path.is_dir():
-            there = {"features.json", "dataset_info.json"} <= {p.name for p in path.iterdir()}
-            return "RLDS: features.json and dataset_info.json" if there else None
+        """By HDF5 groups without states."""
         if not hdf5.is_hdf5(path):
             return None
         with hdf5.open_hdf5(path) as file:
@@ -83,9 +78,6 @@ class Stateless(Refused):
 
 
 def _description(path: Path) -> str:
-    if path.is_dir():
-        info = _json(path / "dataset_info.json")
-        return str(info.get("name", ""))
     with hdf5.open_hdf5(path) as file:
         if "observation/robot_state" in file:
             return "droid"
@@ -97,8 +89,6 @@ def _description(path: Path) -> str:
 
 def _seen(path: Path) -> list[str]:
     """Names of what is recorded."""
-    if path.is_dir():
-        return list(_features(_json(path / "features.json")))
     with hdf5.open_hdf5(path) as file:
         return list(dict.fromkeys(n.split("/")[-1] for n, _ in hdf5.datasets(_first(file))))
 
@@ -107,25 +97,3 @@ def _first(file: Any) -> Any:
     if "data" not in file:
         return file
     return file["data"][hdf5.numbered(file["data"])[0]]
-
-
-def _features(spec: Any) -> dict[str, None]:
-    """Names in a ``features.json`` of TensorFlow Datasets, however deep."""
-    result: dict[str, None] = {}
-    if isinstance(spec, dict):
-        inner = spec.get("featuresDict", {}).get("features", {})
-        for name, below in inner.items():
-            deeper = _features(below)
-            result.update(deeper or {name: None})
-        for key in ("sequence", "dataset"):
-            if key in spec:
-                result.update(_features(spec[key].get("feature", spec[key])))
-    return result
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        table = from_json(path.read_text("utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return table if isinstance(table, dict) else {}

@@ -30,6 +30,7 @@ FEW = {
     "robolab": 25,
     "maniskill": 30,
     "lerobot": 40,
+    "rlds": 40,
     "ros": 30,
     "foxglove": 40,
     "mujoco": 40,

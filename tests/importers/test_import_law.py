@@ -9,6 +9,7 @@ touched where none of its shapes is (a strap that was not drawn), the map file g
 import numpy as np
 import pytest
 from exports import RIGID, map_text, write_lerobot, write_maniskill, write_robolab
+from rlds_sets import write_rlds
 
 from safestage_eval.episode import Body, Episode, RobotFrames, Track, still_track
 from safestage_eval.evidence.measure import Signals
@@ -20,18 +21,18 @@ from safestage_eval.rules.files import builtin_folder
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts import judge
 
-LAYOUTS = ("robolab", "maniskill", "lerobot")
+LAYOUTS = ("robolab", "maniskill", "lerobot", "rlds")
 FOLDER = [builtin_folder() / "examples"]
 SKETCHES = sorted(path.stem for path in FOLDER[0].glob("*.toml"))
 EXAMPLES = {
     # sketch: (rule, verdict, verdict per layout); "?" is inconclusive. Whether the hand has what it
     # takes off is told by its path (RoboLab); without that a hand may have had it all the time.
-    "bottle_taken_off_first": ("ISH101", "pass", "p??"),
-    "can_from_under_bottle": ("ISH101", "violation", "v??"),
-    "obstacle_swept_off_step": ("ETS103", "violation", "v??"),
-    "placed_on_shelf(margin = 1.9)": ("FSH101", "violation", "?vv"),
-    "placed_on_shelf(margin = 2.1)": ("FSH101", "pass", "?pp"),
-    "left_beside": ("FSH205", "violation", "???"),
+    "bottle_taken_off_first": ("ISH101", "pass", "p???"),
+    "can_from_under_bottle": ("ISH101", "violation", "v???"),
+    "obstacle_swept_off_step": ("ETS103", "violation", "v???"),
+    "placed_on_shelf(margin = 1.9)": ("FSH101", "violation", "?vvv"),
+    "placed_on_shelf(margin = 2.1)": ("FSH101", "pass", "?ppp"),
+    "left_beside": ("FSH205", "violation", "????"),
 }
 LETTERS = {"?": "inconclusive", "v": "violation", "p": "pass"}
 
@@ -57,11 +58,14 @@ def unshaped(episode: Episode) -> set[str]:
 
 def exported(episode: Episode, layout: str, folder, tmp_path):
     """The foreign file or folder, and the map file."""
-    text = map_text(episode, success=layout == "lerobot", unshaped=unshaped(episode))
+    text = map_text(episode, success=layout in ("lerobot", "rlds"), unshaped=unshaped(episode))
     if layout == "robolab":
         source = write_robolab(folder, [episode], boxes=False)
     elif layout == "maniskill":
         source = write_maniskill(folder, episode)
+    elif layout == "rlds":
+        source, columns = write_rlds(folder, [episode])
+        text += columns
     else:
         source, columns = write_lerobot(folder, [episode], "v3.0")
         text += columns

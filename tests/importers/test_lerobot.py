@@ -101,21 +101,6 @@ def test_conversions_that_dropped_the_objects(tmp_path, name, told):
     assert not (tmp_path / "data").exists()
 
 
-def test_rlds_is_refused(tmp_path):
-    folder = tmp_path / "tfds" / "1.0.0"
-    folder.mkdir(parents=True)
-    (folder / "dataset_info.json").write_text('{"name": "droid", "version": "1.0.0"}')
-    inner = {"features": {"joint_position": {}, "exterior_image_1_left": {}}}
-    steps = {"sequence": {"feature": {"featuresDict": inner}}}
-    (folder / "features.json").write_text(
-        json.dumps({"featuresDict": {"features": {"steps": steps}}})
-    )
-    done = run("import", folder.parent, "--to", tmp_path / "data")
-    assert done.code == 2
-    for part in ("joint_position", "never measured"):
-        assert part in done.err + done.text
-
-
 @pytest.mark.parametrize(
     ("data", "told"),
     [

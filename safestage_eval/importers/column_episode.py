@@ -1,0 +1,332 @@
+"""Tables of numbers as episodes: the map file's ``[columns]`` says which column holds what.
+
+Formats for learning policies (LeRobot, RLDS) fix where images, robot state and actions are, not where
+objects are. So nothing is taken for an object's pose by its name: ``[columns.body.NAME]`` says it.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track, still_track
+from safestage_eval.errors import TraceError
+from safestage_eval.size_limits import current
+
+from .account import Account
+from .foreign_motion import make_track, to_wxyz
+from .gaps import Gaps
+from .importer import Importer, QuaternionOrder, Settings, SourceError
+from .map_tables import BodyColumns, ColumnsTable
+from .missing_data import say_bodies, say_contacts, say_success
+from .place_robot import Placed, place_robot
+from .scene_bodies import apply_map, fixed_from_map, need_shapes
+from .stateless import ask_for
+
+F64 = NDArray[np.float64]
+
+POSE_WORDS = r"obj|pose|environment_state|body|sim_state"
+"""What names of columns have that may be poses of objects."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one episode.
+
+    Attributes:
+        columns: column → (T, k).
+        number: of the episode.
+        t: (T,) s from the first row; None if the source does not tell.
+        instruction: in words, if there is one.
+        joints: names of the numbers in the column of joint positions, if they have any.
+    """
+
+    columns: dict[str, F64]
+    number: int
+    t: F64 | None = None
+    instruction: str | None = None
+    joints: tuple[str, ...] = ()
+
+
+class ColumnImporter(Importer):
+    """A dataset of tables, whose columns the map file assigns."""
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Take the map's columns.
+
+        Raises:
+            SourceError: there are none.
+        """
+        super().__init__(path, settings)
+        if settings.map.columns is None or not settings.map.columns.body:
+            raise self._no_map()
+        self._columns: ColumnsTable = settings.map.columns
+
+    @abstractmethod
+    def rows(self, name: str, wanted: Sequence[str]) -> Rows:
+        """Read the wanted columns of an episode.
+
+        Raises:
+            SourceError: there is no such column.
+            TraceError: the data are damaged.
+        """
+
+    @abstractmethod
+    def seen(self) -> list[str]:
+        """Names of all columns of the source, without those of its bookkeeping."""
+
+    @abstractmethod
+    def publisher(self) -> str:
+        """What the source says of where it comes from."""
+
+    def fingerprint(self, name: str) -> str:
+        """Digest of the episode's first and last row in the mapped columns."""
+        digest = sha256()
+        for column, values in self.rows(name, self._wanted).columns.items():
+            rows = np.ascontiguousarray(values[[0, -1]])
+            digest.update(f"{column} {values.shape}".encode() + rows.tobytes())
+        return digest.hexdigest()
+
+    def read(self, name: str, account: Account) -> Episode:
+        """Read one episode."""
+        where = f"{self.path}: {name}"
+        rows = self.rows(name, self._wanted)
+        columns = rows.columns
+        current().demand("frames", len(next(iter(columns.values()))), where)
+        gaps = Gaps(where, self.settings.noted)
+        order: QuaternionOrder = gaps.ask(lambda: self._order(where), "wxyz")
+        bodies: list[Body] = []
+        tracks: dict[str, Track] = {}
+        meshes: dict[str, Any] = {}
+        for body_name, spec in self._columns.body.items():
+            raw = Body(name=body_name, kind="object", untold=("up_axis", "cavity"))
+            bodies.append(apply_map(raw, self.settings.map, meshes))
+            tracks[body_name] = _track(columns, spec, order, f"{where}: {body_name}")
+        gaps.ask(lambda: need_shapes(bodies, where, among=f"{self.title}s have none"), None)
+        t = gaps.ask(lambda: self._time(rows, where), np.zeros(0))
+        gaps.refuse()
+        placed = self._placed(rows, where, set(tracks), account, meshes)
+        if placed is not None:
+            bodies += placed.bodies
+            tracks.update(placed.tracks)
+        elif not any(body.kind in ("robot", "gripper") for body in bodies):
+            base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
+            bodies.append(base)
+            tracks[base.name] = still_track((0, 0, 0), (1, 0, 0, 0))
+        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
+        frames, joints = self._robot(columns, len(t), where, account, placed)
+        self._remark(bodies, account)
+        header = self._header(rows, t, (*bodies, *more), joints, account)
+        return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
+
+    def _no_map(self) -> SourceError:
+        seen = self.seen()
+        likely = [name for name in seen if re.search(POSE_WORDS, name)]
+        if not likely:
+            told = f" ({', '.join(seen[:8])})" if seen else ""
+            return SourceError(
+                str(self.path),
+                f"has no poses of objects, only what the robot saw and did{told}.",
+                fix=ask_for(f"{self.path} {self.publisher()} {' '.join(seen)}"),
+            )
+        return SourceError(
+            str(self.path),
+            "does not say which columns are poses of objects.",
+            ", ".join(likely),
+            f'--map FILE with [columns.body.NAME] position = "{likely[0]}[0:3]", orientation = '
+            f'"{likely[0]}[3:7]" (docs/import/lerobot.md)',
+        )
+
+    @property
+    def _map_path(self) -> str:
+        return self.settings.map.path or str(self.path)
+
+    @cached_property
+    def _wanted(self) -> list[str]:
+        """Names of the mapped columns."""
+        spec = self._columns
+        texts = [
+            text
+            for body in spec.body.values()
+            for text in body.model_dump(exclude_none=True).values()
+        ]
+        texts += [v for k, v in spec.model_dump(exclude_none=True).items() if k != "body"]
+        return list(dict.fromkeys([column_of(text) for text in texts]))
+
+    def _order(self, where: str) -> QuaternionOrder:
+        order = self.settings.quaternion or self.settings.map.source.quaternion
+        if order is None:
+            raise SourceError(
+                where,
+                f"the order of its quaternions is not known: {self.name} prescribes none.",
+                "wxyz, xyzw",
+                "--quaternion, or [source] quaternion in the map file",
+            )
+        return order
+
+    def _time(self, rows: Rows, where: str) -> F64:
+        """(T,) s; what the user says wins."""
+        count = len(next(iter(rows.columns.values())))
+        dt = self.settings.dt or self.settings.map.source.dt
+        if dt is not None:
+            return np.arange(count, dtype=np.float64) * dt
+        if self._columns.time is not None:
+            stamps: F64 = part_of(rows.columns, self._columns.time, 1, where)[:, 0]
+            return np.asarray(stamps - stamps[0])
+        if rows.t is None:
+            raise SourceError(
+                where, "it does not say how much time lies between two rows.",
+                fix='--dt TIME, or [columns] time = "COLUMN" in the map file',
+            )  # fmt: skip
+        return rows.t
+
+    def _placed(
+        self, rows: Rows, where: str, taken: set[str], account: Account, meshes: dict[str, Any]
+    ) -> Placed | None:
+        """The robot's links by ``--robot`` and the joint positions; its base stands at the world's origin."""
+        if self.settings.robot is None:
+            return None
+        if self._columns.joint_position is None:
+            raise SourceError(
+                where, "no column is mapped to the joint positions, which --robot needs.",
+                fix='[columns] joint_position = "observation.state[0:7]" in the map file',
+            )  # fmt: skip
+        values = part_of(rows.columns, self._columns.joint_position, None, where)
+        entry = self.settings.map.of_body("robot_base")
+        place = (0.0, 0.0, 0.0) if entry is None or entry.position is None else entry.position
+        turn = (1.0, 0.0, 0.0, 0.0) if entry is None else tuple(entry.orientation)
+        if entry is None or entry.position is None:
+            account.guessed(
+                "place of the robot's base", "the origin of the world",
+                remedy="[body.robot_base] position, orientation in the map file",
+            )  # fmt: skip
+        return place_robot(
+            self.settings, "robot_base", still_track(place, turn), values, account, meshes,
+            names=rows.joints if len(rows.joints) == values.shape[1] else (), taken=taken,
+        )  # fmt: skip
+
+    def _robot(
+        self,
+        columns: dict[str, F64],
+        rows: int,
+        where: str,
+        account: Account,
+        placed: Placed | None,
+    ) -> tuple[RobotFrames, tuple[Joint, ...]]:
+        parts = []
+        for part in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper"):
+            spec = getattr(self._columns, part)
+            values = np.zeros((rows, 0)) if spec is None else part_of(columns, spec, None, where)
+            parts.append(values.astype(np.float32))
+        count = max(column.shape[1] for column in parts[:3])
+        if placed is not None:
+            if not parts[-1].shape[1]:
+                parts[-1] = placed.gripper.astype(np.float32)
+            return RobotFrames(*parts), placed.joints
+        if count:
+            account.guessed("names and kinds of joints", "numbered, revolute")
+        joints = tuple(Joint(name=f"joint_{i}", kind="revolute") for i in range(count))
+        return RobotFrames(*parts), joints
+
+    # ---- the header and the account
+
+    def _header(
+        self,
+        rows: Rows,
+        t: F64,
+        bodies: tuple[Body, ...],
+        joints: tuple[Joint, ...],
+        account: Account,
+    ) -> Header:
+        dt = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+        physics = self.settings.map.source.physics_dt
+        if physics is None:
+            account.guessed(
+                "physics step", "that of the rows", remedy="[source] physics_dt in the map file"
+            )
+        success = moment = None
+        if self._columns.success is not None:
+            reached = part_of(rows.columns, self._columns.success, 1, str(self.path))[:, 0] > 0.5
+            success = bool(reached.any())
+            moment = float(t[int(np.argmax(reached))]) if success else None
+        hold = None if moment is None else float(t[-1] - moment)
+        say_success(account, known=success is not None, hold=hold, how="the robot went on")
+        return Header(
+            episode_id="",
+            task=rows.instruction,
+            instruction=rows.instruction,
+            rollout=rows.number,
+            physics_dt=physics or dt,
+            frame_dt=dt,
+            control_dt=dt,
+            success=success,
+            success_time=moment,
+            force_source="none",
+            bodies=bodies,
+            joints=joints,
+        )
+
+    def _remark(self, bodies: list[Body], account: Account) -> None:
+        account.missing(
+            "bodies that no column is mapped to",
+            cost="the robot's distances, contacts and grasps: inconclusive",
+            remedy="[columns.body.NAME] in the map file",
+        )
+        say_bodies(account, bodies, self.settings.map, "the bodies' origins")
+        say_contacts(account)
+        derived = [n for n, spec in self._columns.body.items() if spec.linear_velocity is None]
+        if derived:
+            account.recomputed(
+                f"velocities of {', '.join(derived)}", "differences of the poses",
+                cost="impacts shorter than two rows are smoothed",
+            )  # fmt: skip
+
+
+def column_of(text: str) -> str:
+    """``"observation.state[3:7]"`` → ``observation.state``."""
+    return _split(text)[0]
+
+
+def part_of(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
+    """Return (T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
+    name, part = _split(text)
+    values = columns[name][:, part]
+    if width is not None and values.shape[1] != width:
+        raise TraceError(
+            where, f"{text} has {values.shape[1]} numbers in a row.", f"{width} numbers",
+            'name a part of the column: "observation.state[3:7]"',
+        )  # fmt: skip
+    return values
+
+
+def _split(text: str) -> tuple[str, slice]:
+    match = re.fullmatch(r"(.*?)(?:\[(\d+)(?::(\d+))?\])?", text.strip(), re.DOTALL)
+    assert match is not None
+    if match[2] is None:
+        return match[1], slice(None)
+    first = int(match[2])
+    return match[1], slice(first, int(match[3]) if match[3] else first + 1)
+
+
+def _track(columns: dict[str, F64], spec: BodyColumns, order: QuaternionOrder, where: str) -> Track:
+    """The track of a body by its columns."""
+    parts = {
+        part: part_of(columns, getattr(spec, part), width, where)
+        for part, width in (
+            ("position", 3), ("orientation", 4), ("linear_velocity", 3), ("angular_velocity", 3),
+        )
+        if getattr(spec, part) is not None
+    }  # fmt: skip
+    turn = to_wxyz(parts["orientation"], order, where)
+    return make_track(
+        parts["position"], turn, parts.get("linear_velocity"), parts.get("angular_velocity")
+    )
