@@ -162,6 +162,19 @@ class Clock:
         """(T,) the next sample comes so much later that what lies between them matters."""
         return self.spacing > LEAST_GAP * (1 + EVEN)
 
+    def together(self, first: int, frames: int) -> int:
+        """How many of so many samples from one on no hole parts from it; those to come count."""
+        if self.unseen is None:
+            return frames
+        seen = np.flatnonzero(~self.unseen[first : first + frames + 1])
+        far = np.flatnonzero(np.diff(self.t[first + seen]) > longest_spacing(self.dt))
+        return int(seen[far[0]]) + 1 if len(far) else frames
+
+    def soon(self, frames: int) -> int:
+        """How many of the first so many samples come as soon as they do at 20 Hz; those to come count."""
+        late = self.t[:frames] - self.t[0] > (frames - 1) * LEAST_GAP * (1 + EVEN)
+        return int(late.argmax()) if late.any() else frames
+
     def recorded(self, frame: int) -> int:
         """The frame itself, or for one that was put in the recorded one before it (or after)."""
         if self.unseen is None or not self.unseen[frame] or self.unseen.all():

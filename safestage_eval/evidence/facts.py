@@ -80,7 +80,7 @@ class Facts:
 
         Args:
             episode: what is measured.
-            baseline_frames: how many first frames estimate the initial state.
+            baseline_frames: how many first frames estimate the initial state, at most.
             backend: that measures clearances (``geometry.backend``).
             store: that answers queries about the episode; a new one in memory if None.
         """
@@ -88,7 +88,8 @@ class Facts:
         self.gaps = Gaps(episode)
         self.episode = episode = self.gaps.episode
         self.backend = backend
-        self.baseline = Baseline(baseline_frames)
+        first = episode.clock.together(0, baseline_frames)
+        self.baseline = Baseline(first, asked=baseline_frames)
         self.movers = Movers(episode)
         self._unions: dict[str, list[str]] = {}
         self._baselines: dict[str, Baseline] = {}

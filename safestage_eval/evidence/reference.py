@@ -17,6 +17,7 @@ class Baseline:
     """The first frames of the episode, over which the initial state is estimated.
 
     Median position and mean orientation over the first five frames reduce initialisation noise.
+    Frames behind a hole do not count.
     """
 
     frames: int = 5
@@ -24,6 +25,8 @@ class Baseline:
     """The first of them: 0 but for a body that settles first. Before it, nothing counts as moved."""
     notes: tuple[str, ...] = ()
     """Notes on the reference, for the reader of a change measured from it."""
+    asked: int = 5
+    """How many frames there would be without a hole."""
 
     @property
     def stretch(self) -> slice:

@@ -43,10 +43,13 @@ def settled(
     stop = min(stop, untouched(name))
     if not away[:stop].any():
         return baseline  # the robot moved it
+    unseen = np.zeros(stop, np.bool_) if episode.unseen is None else episode.unseen
     place = place.astype(np.float64)  # squares of single precision overflow
     long = max(baseline.frames, int(np.ceil(RESTS / episode.dt - 1e-6)) + 1)
     for start in range(stop - long + 1):
         here = slice(start, start + long)
+        if unseen[here].any():
+            continue
         gone = np.linalg.norm(place[here] - place[start], axis=1).max() > STAYS
         if not gone and angle(turn[here], turn[start].astype(np.float64)).max() <= STAYS_TURN:
             if not start:

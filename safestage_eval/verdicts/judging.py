@@ -24,12 +24,13 @@ from safestage_eval.version import __version__
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
+from .initial_state import first_frames
 from .obligations.cost import judge_cost
 from .players import combinations
 from .questions import short, verdict_question
 from .rule_verdict import how_often, judge_rule
 from .success import native_success
-from .values import UNDECLARED, lasting
+from .values import UNDECLARED
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 from .verdict_json import to_json, verdict_from_json
 
@@ -358,19 +359,15 @@ def judge_scoped(
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     """How many first frames estimate the initial state: ``[baseline] span``.
 
+    Of a number of frames not those that come later than they would at 20 Hz.
+
     Raises RuleError for a span that is not the first stretch of the episode.
     """
-    span = rules.baseline
-    if (
-        isinstance(span, ast.Part)
-        and span.which == "first"
-        and isinstance(span.of, ast.Whole)
-        and isinstance(span.duration, ast.Duration)
-    ):
-        if span.duration.frames:
-            return max(1, round(span.duration.amount))
-        return episode.clock.window(lasting(span.duration)).stop(0)
-    raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
+    frames = first_frames(rules, episode.clock)
+    counted = isinstance(rules.baseline, ast.Part) and rules.baseline.duration
+    if isinstance(counted, ast.Duration) and counted.frames and len(episode):
+        return episode.clock.soon(frames)
+    return frames
 
 
 def with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:

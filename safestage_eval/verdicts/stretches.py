@@ -9,10 +9,10 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.states import scope as scopes
-from safestage_eval.states.band import Band
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
+from .initial_state import initial_state
 from .players import where_it_counts
 from .questions import Stretch, stretches_from_json, stretches_to_json
 from .spans import may_recur, spans
@@ -72,29 +72,13 @@ def _met_once(rule: ast.Scoped) -> bool:
 
 
 def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
-    """Bounds of the margin with which a condition holds in most of the baseline frames."""
-    initial, wanted = initial_frames(evaluator, env), None
+    """Bounds of the margin with which a condition holds in most of the first frames."""
+    initial, wanted = initial_state(evaluator, env), None
     if initial is None:
         return -np.inf, np.inf
     if evaluator.asks_costly(condition):
-        wanted = scopes.mask_of([initial], evaluator.frames)
-    return most_of(evaluator.obliged(None, evaluator.alternative, condition, env, wanted), initial)
-
-
-def initial_frames(evaluator: Evaluator, env: Env) -> Scope | None:
-    """The baseline frames of some bodies; None where the recording begins later."""
-    if evaluator.clock.late:
-        return None
-    signals = evaluator.relations.signals
-    first = max((signals.baseline_of(body).start for body in env.values()), default=0)
-    return Scope(first, min(evaluator.frames, first + signals.baseline.frames))
-
-
-def most_of(band: Band, scope: Scope) -> tuple[float, float]:
-    """Both ends of the margin with which a condition (T,) holds in most frames of a scope."""
-    middle = (scope.stop - scope.first - 1) // 2
-    low, high = (float(np.sort(end[scope.first : scope.stop])[middle]) for end in band)
-    return low, high
+        wanted = initial.mask(evaluator.frames)
+    return initial.most_of(evaluator.obliged(None, evaluator.alternative, condition, env, wanted))
 
 
 def _scopes(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Scope]:

@@ -17,6 +17,7 @@ from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
 from .explain import seconds
+from .initial_state import initial_state
 from .instance import Instance
 from .players import nodes
 from .search import since
@@ -72,7 +73,7 @@ def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
         return _too_short(evaluator, rule)
     _ = evaluator.episode.header.force_source  # not kept with a cached rule: then judge it anew
     if worst.clause is None and rule.given is not None:
-        return _named(_in_condition(evaluator, rule.given, env, 0))
+        return _named(_at_start(evaluator, rule.given, env))
     if not scope.certain[worst.frame - scope.first]:
         return _named(_in_scope(evaluator, rule, env, worst.frame))
     if worst.clause is None:
@@ -82,6 +83,18 @@ def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
         clause.kind, _in_alternative, evaluator, clause.what, env, worst.frame
     )
     return _named(_not_measured(evaluator, env, worst.frame) or found if GAP in found else found)
+
+
+def _at_start(evaluator: Evaluator, given: ast.Condition, env: Env) -> str:
+    """The unknown thing that leaves open whether a condition holds in the initial state."""
+    initial = initial_state(evaluator, env)
+    if initial is None:
+        return _in_condition(evaluator, given, env, 0)
+    if initial.missing:
+        return _hole(evaluator, initial.last)
+    found = (_in_condition(evaluator, given, env, i) for i in range(initial.first, initial.last))
+    apart = _apart(evaluator, initial.first) if initial.coarse else ""
+    return next(filter(None, found), f"how it began is not known{apart}")
 
 
 def _not_measured(evaluator: Evaluator, env: Env, frame: int) -> str:

@@ -151,6 +151,6 @@ class _Trial:
         episode = self._sides[0].episode
         frames = baseline_frames(rules, episode)
         for side in self._sides:
-            if side.relations.signals.baseline.frames == frames:
+            if side.relations.signals.baseline.asked == frames:
                 return side.relations
         return Relations(Signals(episode, frames))

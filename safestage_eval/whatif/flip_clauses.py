@@ -15,8 +15,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.states.band import Band
 from safestage_eval.states.scope import Scope, mask_of
+from safestage_eval.verdicts.initial_state import initial_state
 from safestage_eval.verdicts.obligations import OBLIGATIONS
-from safestage_eval.verdicts.stretches import initial_frames, most_of
 from safestage_eval.verdicts.values import Env
 
 from .flip_bands import FlipBands
@@ -29,10 +29,10 @@ Broken = tuple[float, float]
 
 def given_keys(flips: FlipBands, given: ast.Condition, env: Env) -> tuple[float, float]:
     """Keys of a condition holding in most of the baseline frames: certainly, and possibly."""
-    initial = initial_frames(flips.at, env)
+    initial = initial_state(flips.at, env)
     if initial is None:
         return -np.inf, np.inf
-    return most_of(flips.condition(given, env, None, mask_of([initial], flips.frames)), initial)
+    return initial.most_of(flips.condition(given, env, None, initial.mask(flips.frames)))
 
 
 def instance_keys(

@@ -72,7 +72,7 @@ class Again:
         )
         frames = baseline_frames(rules, episode)
         shared: Relations | None = like.relations if like is not None else None
-        if shared is None or shared.signals.baseline.frames != frames:
+        if shared is None or shared.signals.baseline.asked != frames:
             shared = Measured(Signals(episode, frames), furthest)
         self.relations: Relations = shared
         self.judge = Judge(episode, rules, self.binding, self.relations)

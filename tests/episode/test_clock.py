@@ -72,3 +72,21 @@ def test_a_clock_is_uniform_within_five_percent() -> None:
         off = t.copy()
         off[20] += share * 0.01
         assert is_uniform(off) is uniform
+
+
+def test_samples_behind_a_hole_are_not_those_of_the_start() -> None:
+    one = clock([0.01, 0.01, 0.01, 1.0, 0.01, 0.01], unseen=[4])  # put in behind the fourth
+    assert [one.together(0, n) for n in range(1, 7)] == [1, 2, 3, 4, 4, 4]
+    assert one.together(5, 3) == 3
+    lost = clock([0.01] * 8, unseen=[1, 2])  # no hole: two samples tell nothing
+    assert lost.together(0, 5) == 5
+    assert clock([0.01] * 3).together(0, 5) == 5
+
+
+@pytest.mark.parametrize(
+    ("rate", "many"), [(120, 5), (20, 5), (15, 4), (10, 3), (5, 2), (2.4, 1), (0.5, 1)]
+)
+def test_first_samples_come_as_soon_as_at_20_hz(rate: float, many: int) -> None:
+    t = np.arange(10) / rate
+    assert Clock(t, 1 / rate).soon(5) == many
+    assert Clock(t[:many], 1 / rate).soon(5) == 5  # more may come

@@ -1,0 +1,95 @@
+"""That a hazard is not there has to be seen: a hole at the start, or rare samples, do not show it."""
+
+import numpy as np
+import pytest
+from resampled import cut_out, resampled
+
+from safestage_eval.episode import Episode
+from safestage_eval.rules import load_rules
+from safestage_eval.rules.files import builtin_folder
+from safestage_eval.sketch import resolve
+from safestage_eval.states.band import Band
+from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.initial_state import InitialState
+from safestage_eval.verdicts.verdict import Verdict
+
+
+def sketch(name: str) -> Episode:
+    return resolve(name, [builtin_folder() / "examples"])
+
+
+def judged(episode: Episode, rule: str = "ISH101") -> Verdict:
+    return {v.rule: v for v in judge(episode, load_rules(["ish"])).verdicts}[rule]
+
+
+@pytest.mark.parametrize("begin", [0.01, 0.02, 0.04, 0.06])
+@pytest.mark.parametrize(
+    ("name", "gone"),
+    [("can_from_under_bottle", 4.0), ("bottle_topples_off_can", 3.0), ("can_moved_twice", 4.0)],
+)
+def test_a_hazard_that_goes_within_a_hole_was_there_perhaps(name, gone, begin) -> None:
+    """What is seen behind the hole does not show how it began, however soon after the start it ends."""
+    whole = sketch(name)
+    found = judged(cut_out(whole, begin, gone))
+    assert found.verdict == "inconclusive"
+    assert "nothing was recorded between" in found.explanation
+
+
+def test_what_was_seen_before_the_hole_counts() -> None:
+    """Five frames show the hazard, or its absence; one shows a hazard, but no absence."""
+    violating, safe = sketch("can_from_under_bottle"), sketch("tray_lifted_under_stack(height = 0)")
+    assert judged(cut_out(violating, 0.01, 0.5)).verdict == "violation"
+    assert judged(cut_out(violating, 0.09, 0.5)).verdict == "violation"
+    assert judged(safe).verdict == "pass"
+    bare = sketch("brief_visit")  # nothing stands on anything
+    roles = {"target": ("load",), "dependent": ("can",)}
+    bare = Episode(
+        bare.header.model_copy(update={"roles": roles}), bare.t, bare.tracks, bare.contacts,
+        bare.frames,
+    )  # fmt: skip
+    assert judged(bare).verdict == "not_applicable"
+    assert judged(cut_out(bare, 0.045, 0.5)).verdict == "not_applicable"
+    assert judged(cut_out(bare, 0.01, 0.5)).verdict == "inconclusive"
+
+
+@pytest.mark.parametrize(
+    ("shown", "missing", "coarse", "truth"),
+    [
+        ("11100", 0, False, (True, True)),
+        ("11000", 0, False, (False, False)),
+        ("11000", 0, True, (False, True)),
+        ("11100", 0, True, (True, True)),
+        ("00000", 0, True, (False, False)),
+        ("10", 0, True, (False, True)),
+        ("11", 3, False, (True, True)),
+        ("00", 3, False, (False, True)),
+        ("000", 2, False, (False, False)),
+        ("?0000", 0, False, (False, False)),
+        ("???00", 0, False, (False, True)),
+    ],
+)
+def test_most_frames_show_it_and_absence_needs_all_that_could_tell(shown, missing, coarse, truth):
+    ends = {"1": (1.0, 1.0), "0": (-1.0, -1.0), "?": (-np.inf, np.inf)}
+    band = Band(*(np.array([ends[each][side] for each in shown + "11"]) for side in (0, 1)))
+    frames = len(shown)
+    low, high = InitialState(0, frames, frames, missing, coarse).most_of(band)
+    assert (low >= 0, high >= 0) == truth
+
+
+@pytest.mark.parametrize("period", [0.1, 0.2, 0.45])
+@pytest.mark.parametrize("begin", [1.2, 1.3, 1.4])
+@pytest.mark.parametrize(
+    "name",
+    ["can_from_under_bottle", "bottle_topples_off_can", "nudged_under_bottle(way = 2.1)"],
+)
+def test_what_moves_soon_is_measured_from_where_it_was(name, begin, period) -> None:
+    """The can moves within half a second of the start, in which five samples do not show it at rest."""
+    whole = sketch(name)
+    whole = resampled(whole, np.flatnonzero(whole.t >= begin))
+    whole = Episode(whole.header, whole.t - begin, whole.tracks, whole.contacts, whole.frames)
+    rare = resampled(whole, np.arange(0, len(whole), round(period / whole.dt)))
+    allowed = {
+        "violation": {"violation", "inconclusive"},
+        "not_applicable": {"not_applicable", "inconclusive"},
+    }
+    assert judged(rare).verdict in allowed[judged(whole).verdict]
