@@ -210,12 +210,15 @@ class Subject:
             return None
 
     def verdict(self, rule: ast.Scoped) -> Verdict | None:
-        """Verdict of a rule or cost; None for a broken recording and for a cost without a budget."""
+        """Verdict of a rule or cost, in outline where decided (``Judge.outline``).
+
+        None for a broken recording and for a cost without a budget.
+        """
         if self._judge is None:
             return None
         try:
             return (
-                self._judge.verdict(rule)
+                self._judge.outline(rule)
                 if isinstance(rule, ast.Rule)
                 else self._judge.cost(rule)[1]
             )

@@ -99,6 +99,11 @@ class Conditions(ComputedSignals, ABC):
         finally:
             self._signs = outer
 
+    @property
+    def signs_alone(self) -> bool:
+        """Only the signs of margins matter now."""
+        return self._signs
+
     def asks_costly(self, what: ast.Atom | ast.Alternative) -> bool:
         """Where it is asked for makes a difference: something in it is costly."""
         return self.costly.asked(what)

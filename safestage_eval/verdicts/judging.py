@@ -21,6 +21,7 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.units import format_quantity
 from safestage_eval.version import __version__
 
+from .decided import is_decided
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
@@ -196,6 +197,13 @@ class Judge:
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
         return judged(self.evaluator(self._values(rule)), rule, players, blank)
+
+    def outline(self, rule: ast.Rule) -> Verdict:
+        """As ``verdict``, but only whether it is inconclusive: a decided one is told as a pass."""
+        blank, players = self._start(rule)
+        if not blank.vacuity and is_decided(self.evaluator(self._values(rule)), rule, players):
+            return replace(blank, verdict="pass")
+        return self.verdict(rule)
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
         """Total of a cost, and its verdict if it has a budget."""

@@ -32,7 +32,10 @@ class Greatest(NamedTuple):
 
 
 def greatest(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Greatest:
-    """The greatest margin of a costly condition in a scope of at least one frame."""
+    """The greatest margin of a costly condition in a scope of at least one frame.
+
+    Where only signs matter, a margin of the same sign.
+    """
     first, stop, at = scope.first, scope.stop, np.arange(scope.stop - scope.first)
     low, high = np.full(len(at), -np.inf), np.full(len(at), -np.inf)
     for find in _parts(evaluator, what, env, scope):
@@ -42,6 +45,8 @@ def greatest(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope
             lower = np.maximum(low, np.where(scope.certain, band.lower, -np.inf))
             best = int(lower.argmax())
             open_ = (band.upper > lower[best]) | ((band.upper == lower[best]) & (at < best))
+            if evaluator.signs_alone:
+                open_ &= (band.upper >= 0) & (lower[best] < 0)
             open_ &= ~measured[first:stop]
             if not open_.any():
                 break
