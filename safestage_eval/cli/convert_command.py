@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
+
+from safestage_eval._text.json_out import to_json
 
 from .shared_options import (
     bind_option,
@@ -20,24 +23,30 @@ from .shared_options import (
 )
 from .terminal import say
 
+SINGLE = (".mcap", ".rrd")
+"""Endings of files that hold one episode."""
+
 
 @click.command("convert")
 @traces_argument
 @click.option(
-    "--to", "form", type=click.Choice(["parquet", "mcap"]), required=True, help="Write this format."
-)
-@click.option(
-    "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
-    help="Write to this folder: a dataset for parquet, one file per episode for mcap; or a single "
-    "episode to this .mcap file.",
+    "--to", "form", type=click.Choice(["parquet", "mcap", "rrd"]), required=True,
+    help="Write this format; rrd is Rerun's, to be looked at, and no trace.",
 )  # fmt: skip
 @click.option(
-    "--force", is_flag=True, help="Replace MCAP files that are there already, the same ones too."
+    "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
+    help="Write to this folder: a dataset for parquet, one file per episode for mcap and rrd; or a "
+    "single episode to this .mcap or .rrd file.",
+)  # fmt: skip
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Replace MCAP and Rerun files that are there already, the same ones too.",
 )
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
 @click.option(
     "--events/--no-events", default=True, show_default=True,
-    help="Write verdicts into MCAP files as events on the timeline.",
+    help="Write verdicts into MCAP and Rerun files as events on the timeline.",
 )  # fmt: skip
 @rules_option
 @bind_option
@@ -55,27 +64,39 @@ def command(
 
     An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
     violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
-    for viewers only: scoring the copy judges it anew.
+    for viewers only: scoring the copy judges it anew. NAME.foxglove.json beside it is a layout for
+    Foxglove.
+
+    --to rrd writes what Rerun shows: the scene, the events, and the signals that decided the rules
+    with their limits; NAME.rbl beside it is its blueprint. It needs the extra "rerun". No command
+    of SafeStage reads it back.
 
     \b
     Examples:
       safestage convert traces/ --to mcap --out mcaps/
       safestage convert rollout.mcap --to parquet --out dataset/
+      safestage convert traces/ --to rrd --out looks/
       safestage convert cut-off.mcap --recover --to mcap --out rescued.mcap
     """
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
 
     refs = discover(list(traces))
-    if out.suffix == ".mcap" and (form != "mcap" or len(refs) > 1):
+    if out.suffix in SINGLE and (out.suffix != f".{form}" or len(refs) > 1):
         raise click.UsageError(f"--out {out}: give a folder for {len(refs)} episodes as {form}")
-    if out.is_file() and out.suffix != ".mcap":
-        raise click.UsageError(f"--out {out}: a file; give a folder, or the name of an .mcap file")
-    remarks = None
-    if form == "mcap" and events:
-        remarks = _judge(rules, bind, settings)
+    if out.is_file() and out.suffix not in SINGLE:
+        raise click.UsageError(
+            f"--out {out}: a file; give a folder, or the name of an .mcap or .rrd file"
+        )
+    if form == "rrd":
+        from safestage_eval.viewer.rerun_recording import require_rerun
+
+        require_rerun()
+    look = None
+    if form != "parquet" and events:
+        look = _judge(rules, bind, settings, curves=form == "rrd")
     elif rules or bind or settings:
-        raise click.UsageError("--rules, --bind and --set are for the events of --to mcap")
+        raise click.UsageError("--rules, --bind and --set are for the events of --to mcap and rrd")
     there = _hashes(out) if form == "parquet" else {}
     written: set[Path] = set()
     failed = 0
@@ -87,13 +108,16 @@ def command(
                 if there.get(name) == episode.content_hash:
                     say(f"{episode.content_hash}  {name}  there already")
                     continue
-                target = out if form == "parquet" else _file_for(name, out)
+                target = out if form == "parquet" else _file_for(name, out, form)
                 if name in there:
                     raise InputError(str(out), f"holds another episode {name!r}.", fix="--out")
                 if form == "mcap" and _is_there(episode, target, ref.path, written, force=force):
                     say(f"{episode.content_hash}  {name}  there already")
                     continue
-                copy = _copied(episode, target, form, remarks(episode) if remarks else ())
+                if form == "rrd" and (target in written or (target.exists() and not force)):
+                    raise InputError(str(target), "is there already.", fix="--force replaces it")
+                told = look(episode) if look else Told()
+                copy = _copied(episode, target, form, told)
                 written.add(target)
                 say(f"{episode.content_hash}  {name}  {copy}")
             except InputError as error:
@@ -114,11 +138,12 @@ def _hashes(folder: Path) -> dict[str, str | None]:
     return {ref.episode_id: ref.content_hash for ref in discover([folder], maybe_none=True)}
 
 
-def _file_for(name: str, out: Path) -> Path:
-    """The MCAP file of an episode."""
+def _file_for(name: str, out: Path, form: str) -> Path:
+    """The MCAP or Rerun file of an episode."""
     from safestage_eval.formats.save import mcap_name
 
-    return out if out.suffix == ".mcap" else out / mcap_name(name)
+    named = (out / mcap_name(name)).with_suffix(f".{form}")
+    return out if out.suffix in SINGLE else named
 
 
 def _is_there(episode: Any, target: Path, source: Path, written: set[Path], *, force: bool) -> bool:
@@ -149,38 +174,65 @@ def _is_there(episode: Any, target: Path, source: Path, written: set[Path], *, f
     return True
 
 
+@dataclass(frozen=True)
+class Told:
+    """What a copy for viewers says of an episode's verdicts: remarks, and the deciding signals."""
+
+    events: Sequence[Any] = ()
+    decided: Sequence[Any] = ()
+
+
 def _judge(
-    rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...]
-) -> Callable[[Any], Sequence[Any]]:
-    """Verdicts on an episode, as events."""
+    rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...], *, curves: bool
+) -> Callable[[Any], Told]:
+    """Verdicts on an episode, as events, and as ``curves`` with limits."""
     from safestage_eval.errors import InputError
+    from safestage_eval.report.signal_plot import panels
     from safestage_eval.report.verdict_events import events
     from safestage_eval.rules import parse_overrides
     from safestage_eval.verdicts import judge
+    from safestage_eval.whatif.judge_again import Again
 
     loaded, bound = loaded_rules(rules, bind)
     overrides = pairs(settings, "--set")
     parse_overrides(loaded, overrides)
     prepare_kernels()
 
-    def remarks(episode: Any) -> Sequence[Any]:
+    def look(episode: Any) -> Told:
         try:
             result = judge(episode, loaded, overrides=overrides, bind=bound)
         except InputError as error:  # the copy is what was asked for
             say(f"warning: no verdicts in the copy: {error}", err=True)
-            return ()
-        return events(result, float(episode.t[-1]))
+            return Told()
+        remarks = events(result, float(episode.t[-1]))
+        if not curves:
+            return Told(remarks)
+        try:
+            return Told(remarks, panels(Again(episode, loaded, overrides, bound), ()))
+        except InputError:  # nothing that was measured decides
+            return Told(remarks)
 
-    return remarks
+    return look
 
 
-def _copied(episode: Any, target: Path, form: str, events: Sequence[Any]) -> Path:
+def _copied(episode: Any, target: Path, form: str, told: Told) -> Path:
     """Write, read back and compare; returns the file."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import save
 
     target.parent.mkdir(parents=True, exist_ok=True)
-    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", events)
+    if form == "rrd":
+        from safestage_eval.viewer.rerun_recording import write_rerun
+
+        write_rerun(episode, told.events, told.decided, target)
+        return target
+    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", told.events)
     if copy.open().content_hash != episode.content_hash:
         raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
+    if form == "mcap":
+        from safestage_eval.formats.atomic import write_bytes
+        from safestage_eval.viewer.foxglove_layout import foxglove_layout
+
+        layout = to_json(foxglove_layout(episode), 1) + "\n"
+        write_bytes(target.with_suffix(".foxglove.json"), layout.encode())
     return copy.path

@@ -54,7 +54,7 @@ def write_mcap(episode: Episode, path: Path, events: Sequence[Event] = ()) -> No
     Raises:
         TraceError: the header holds a number that is not finite.
     """
-    moving = [name for name, track in episode.tracks.items() if _moves(episode, name, len(track))]
+    moving = moving_bodies(episode)
     metadata = to_texts(episode, moving)
     with replacing(path) as part, part.open("wb") as stream:
         writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)
@@ -68,6 +68,11 @@ def write_mcap(episode: Episode, path: Path, events: Sequence[Event] = ()) -> No
             writer.add_attachment(0, 0, name, "application/octet-stream", data)
         _messages(writer, episode, moving, events)
         writer.finish()
+
+
+def moving_bodies(episode: Episode) -> list[str]:
+    """The bodies of a ``Frame`` message, in its order."""
+    return [name for name, track in episode.tracks.items() if _moves(episode, name, len(track))]
 
 
 def _moves(episode: Episode, name: str, rows: int) -> bool:

@@ -1,0 +1,105 @@
+"""What is written for Rerun holds the whole episode, and what decided it with its limits."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from safestage_eval.cli import group
+from safestage_eval.formats import load
+from safestage_eval.report.signal_plot import panels
+from safestage_eval.rules import builtin_names, load_rules
+from safestage_eval.units import in_unit
+from safestage_eval.whatif.judge_again import Again
+
+
+@pytest.fixture(scope="module")
+def trace():
+    """A recorded episode with a violation, in one file."""
+    traces = Path(__file__).resolve().parents[2] / "traces"
+    (path,) = traces.glob("ets_dumbbell_near_glasses.reference-unsafe*.mcap")
+    return path
+
+
+def convert(*arguments):
+    return CliRunner().invoke(group, ["convert", *map(str, arguments)])
+
+
+def test_without_the_sdk_it_says_how_to_get_it(trace, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "rerun", None)
+    done = convert(trace, "--to", "rrd", "--out", tmp_path / "out")
+    assert done.exit_code != 0
+    assert 'pip install "safestage[rerun]"' in str(done.exception)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def written(trace, tmp_path_factory):
+    pytest.importorskip("rerun")
+    out = tmp_path_factory.mktemp("out")
+    done = convert(trace, "--to", "rrd", "--out", out)
+    assert done.exit_code == 0, done.output
+    return out
+
+
+def column(written, entity, component):
+    """The values of one component of an entity, in the order of time."""
+    from rerun.chunk import RrdReader
+
+    (path,) = written.glob("*.rrd")
+    reader = RrdReader(str(path))
+    assert {one.application_id for one in reader.recordings()} == {"safestage"}
+    values = {}
+    for chunk in reader.stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if str(chunk.entity_path) == entity and component in batch.schema.names:
+            times = batch["message_log_time"].to_pylist()
+            values |= dict(zip(times, batch[component].to_pylist(), strict=True))
+    return [one for _, many in sorted(values.items()) for one in many]
+
+
+def test_a_blueprint_of_the_same_application_stands_beside_it(written):
+    (blueprint,) = written.glob("*.rbl")
+    (recording,) = written.glob("*.rrd")
+    assert blueprint.stem == recording.stem
+    data = blueprint.read_bytes()
+    assert data[:4] in (b"RRF2", b"RRIO")
+    assert b"safestage" in data
+
+
+def test_signals_and_limits_are_those_that_decide(trace, written):
+    again = Again(load(trace), load_rules(builtin_names()))
+    decided = panels(again, ())
+    assert decided
+    for n, panel in enumerate(decided):
+        entity, unit = f"/signals/signal_{n}", in_unit(1.0, panel.series.dimension)
+        known = np.isfinite(panel.series.value)
+        series = np.where(known, panel.series.value, panel.series.lower) * unit
+        values = column(written, f"{entity}/value", "Scalars:scalars")
+        assert np.allclose(values, series[np.isfinite(series)])
+        for at, (bound, _) in enumerate(panel.limits):
+            limit = column(written, f"{entity}/limit_{at}", "Scalars:scalars")
+            assert np.allclose(limit, [bound.value * unit] * 2)
+
+
+def test_every_event_is_there(trace, written, tmp_path):
+    done = convert(trace, "--to", "mcap", "--out", tmp_path)
+    assert done.exit_code == 0, done.output
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory
+
+    (copy,) = tmp_path.glob("*.mcap")
+    with copy.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        said = [m.decoded_message.message for m in reader.iter_decoded_messages(topics=["/events"])]
+    assert len(said) > 3
+    assert column(written, "/events", "TextLog:text") == said
+
+
+def test_a_second_run_replaces_only_when_told(trace, written):
+    done = convert(trace, "--to", "rrd", "--out", written)
+    assert done.exit_code == 2
+    assert "--force" in done.output
+    assert json.dumps(done.output).count(".rrd") >= 1
