@@ -42,6 +42,7 @@ class Start:
 
     def __init__(self, subject: Subject) -> None:
         self.subject, self.episode = subject, subject.episode
+        self._boxes: dict[tuple[str, int], tuple[F64, F64] | None] = {}
         header, t = subject.header, self.episode.t
         jointed = {body.parent for body in header.bodies} | {joint.body for joint in header.joints}
         self.moved = [
@@ -102,6 +103,12 @@ class Start:
 
     def boxes(self, body: Body, frame: int = 0) -> tuple[F64, F64] | None:
         """(G, 3) and (G, 3) m, lower and upper corners of boxes around its geoms, in the world."""
+        key = body.name, frame
+        if key not in self._boxes:
+            self._boxes[key] = self._boxes_at(body, frame)
+        return self._boxes[key]
+
+    def _boxes_at(self, body: Body, frame: int) -> tuple[F64, F64] | None:
         shapes = body_shapes(body, self.episode.meshes)
         if shapes is None or (shapes.kind == PLANE).any():
             return None
@@ -122,26 +129,24 @@ class Start:
 
     def overlaps(self, least: float, frame: int = 0) -> list[tuple[Body, Body]]:
         """Pairs of bodies of which boxes around geoms overlap by so much (m) along every axis."""
-        bodies = [b for b in self.solid if b.geoms]
-        boxes = {body.name: self.boxes(body, frame) for body in bodies}
+        known = [(b, boxes) for b in self.solid if b.geoms and (boxes := self.boxes(b, frame))]
+        if not known:
+            return []
+        lower = np.stack([low.min(axis=0) for _, (low, _) in known])
+        upper = np.stack([high.max(axis=0) for _, (_, high) in known])
+        common = np.minimum(upper[:, None], upper) - np.maximum(lower[:, None], lower)
+        near = np.triu((common > least).all(axis=2), 1)  # their geoms overlap by no more
         pairs = []
-        for i, a in enumerate(bodies):
-            for b in bodies[i + 1 :]:
-                if (
-                    not {"object"} & {a.kind, b.kind}
-                    or b.name in a.excluded
-                    or a.name in b.excluded
-                ):
-                    continue
-                if a.parent == b.name or b.parent == a.name or not (a.movable or b.movable):
-                    continue
-                one, other = boxes[a.name], boxes[b.name]
-                if one is None or other is None:
-                    continue
-                low = np.maximum(one[0][:, None], other[0][None])
-                high = np.minimum(one[1][:, None], other[1][None])
-                if (high - low > least).all(axis=2).any():
-                    pairs.append((a, b))
+        for i, j in np.argwhere(near).tolist():
+            (a, one), (b, other) = known[i], known[j]
+            if not {"object"} & {a.kind, b.kind} or b.name in a.excluded or a.name in b.excluded:
+                continue
+            if a.parent == b.name or b.parent == a.name or not (a.movable or b.movable):
+                continue
+            low = np.maximum(one[0][:, None], other[0][None])
+            high = np.minimum(one[1][:, None], other[1][None])
+            if (high - low > least).all(axis=2).any():
+                pairs.append((a, b))
         return pairs
 
     def below(self, body: Body) -> tuple[str, float] | None:

@@ -198,7 +198,8 @@ class Subject:
         return Relations(Signals(episode, baseline_frames(self.rules, episode)))
 
     @cached_property
-    def _judge(self) -> Judge | None:
+    def judge(self) -> Judge | None:
+        """What judges it; None of what is not judged: a broken recording, misspelt names."""
         from safestage_eval.verdicts.judging import Judge
 
         binding = self.binding
@@ -214,13 +215,11 @@ class Subject:
 
         None for a broken recording and for a cost without a budget.
         """
-        if self._judge is None:
+        if self.judge is None:
             return None
         try:
             return (
-                self._judge.outline(rule)
-                if isinstance(rule, ast.Rule)
-                else self._judge.cost(rule)[1]
+                self.judge.outline(rule) if isinstance(rule, ast.Rule) else self.judge.cost(rule)[1]
             )
         except InputError:
             return None

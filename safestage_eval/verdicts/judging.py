@@ -80,7 +80,15 @@ def judge(
 
 
 class Judge:
-    """One episode and its bindings; evaluators are shared by rules with equal parameters."""
+    """One episode and its bindings; evaluators are shared by rules with equal parameters.
+
+    Attributes:
+        binding: as given.
+        notes: on the episode.
+        causal: the evaluator of goals, whose states look only backwards.
+        success, success_known: whether the goal was reached, and whether that is known.
+        success_time: s.
+    """
 
     def __init__(
         self,
@@ -112,11 +120,8 @@ class Judge:
         if self._relations.blind and episode.header.force_source != "none":
             self.notes.append(self._relations.signals.gaps.about_forces)
         self.notes += self._too_light()
-        self._success = native_success(
-            episode, binding.goal, Evaluator(
-                self._relations, rules, binding.params(None), None, causal=True
-            ), binding.goal_players(),
-        )  # fmt: skip
+        self.causal = Evaluator(self._relations, rules, binding.params(None), None, causal=True)
+        self._success = native_success(episode, binding.goal, self.causal, binding.goal_players())
         self.notes += self._success.notes
         self.success, self.success_known = self._success.told, self._success.known
         frame = self._success.frame
