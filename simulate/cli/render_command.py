@@ -47,7 +47,7 @@ def render(
 ) -> None:
     """Film an episode: roles in colours, and a halt at the moment of its verdict.
 
-    Blue is the target, orange what depends on it, red what is protected, green the destination.
+    Blue is the target, yellow what depends on it, pink what is protected, green the destination.
 
     \b
     Examples:

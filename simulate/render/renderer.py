@@ -26,6 +26,10 @@ ROBOT_GROUP = 1
 """MuJoCo's visual group of the geoms of arm and gripper."""
 FOV = 45.0
 """deg, vertical field of a perspective view."""
+STILL = 5e-4
+"""m that may pass unseen: a quarter of a pixel of a film, 1.15 m away and 440 pixels high."""
+ARM = 0.3
+"""m from the origin of a body to its surface, at most, where a turn is compared with a pixel."""
 
 PALETTE = ((0.85, 0.45, 0.2), (0.3, 0.55, 0.8), (0.5, 0.7, 0.35), (0.75, 0.5, 0.75))
 """Colours of objects that are not in the catalogue, in turn."""
@@ -61,6 +65,7 @@ class Style:
         opacity: body → 0 (unseen) … 1; others are solid, regions seen through.
         sky: colour behind everything.
         shadow: texels on a side of the shadows' map; fewer are faster.
+        samples: of each pixel, against steps in outlines; fewer are faster, 0 is fastest.
         matt: nothing shines, and what faces lamp and camera is not overexposed.
     """
 
@@ -68,6 +73,7 @@ class Style:
     opacity: Mapping[str, float] = field(default_factory=dict)
     sky: Color = (0.0, 0.0, 0.0)
     shadow: int = 4096
+    samples: int = 4
     matt: bool = False
 
 
@@ -95,6 +101,7 @@ class EpisodeRenderer(Closing):
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
         spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
         spec.visual.quality.shadowsize = style.shadow
+        spec.visual.quality.offsamples = style.samples
         if style.matt:
             spec.visual.headlight.ambient = [0.45, 0.45, 0.45]
             spec.visual.headlight.diffuse = [0.25, 0.25, 0.25]
@@ -188,6 +195,21 @@ class EpisodeRenderer(Closing):
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(out, None, self._rect, self._target)
         return np.ascontiguousarray(out[::-1])
+
+    def still(self, index: int, other: int, within: float = STILL) -> bool:
+        """Whether two frames look alike: no body is further than ``within`` m from where it was.
+
+        A body's surface is taken to be at most ``ARM`` m from its origin.
+        """
+        for track in self._episode.tracks.values():
+            if len(track) == 1 or index == other:
+                continue
+            moved = np.linalg.norm(track.position[index] - track.position[other])
+            before, now = track.orientation[other], track.orientation[index]
+            turned = 2 * min(np.linalg.norm(now - before), np.linalg.norm(now + before))
+            if moved + turned * ARM > within:
+                return False
+        return True
 
     def shown(self, index: int, camera: Camera = VIEWS["front"]) -> dict[str, int]:
         """Body → pixels that it has in the picture of a frame; none for what is hidden."""

@@ -119,6 +119,58 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+def test_what_stands_still_is_drawn_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Moving from 1.0 s to 2.0 s of three: no picture is drawn anew before, and after once."""
+    pytest.importorskip("av")
+    from simulate.render.renderer import EpisodeRenderer
+    from simulate.render.video import film
+
+    episode, result = falls()
+    drawn: list[int] = []
+    frame = EpisodeRenderer.frame
+
+    def counted(self: EpisodeRenderer, index: int, *rest: object, **more: object) -> object:
+        drawn.append(index)
+        return frame(self, index, *rest, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(EpisodeRenderer, "frame", counted)
+    try:
+        film(episode, result, tmp_path / "film.mp4", size=(160, 120))  # type: ignore[arg-type]
+    except InputError as error:
+        pytest.skip(str(error))
+    times = [episode.t[index] for index in drawn]  # type: ignore[attr-defined]
+    assert times[0] == 0
+    assert all(1.0 <= time <= 2.1 for time in times[1:])
+    assert 25 <= len(times) <= 32
+
+
+@pytest.mark.parametrize(
+    ("moved", "turned", "alike"),
+    [
+        (0.0, 0.0, True),
+        (4e-4, 0.0, True),
+        (6e-4, 0.0, False),
+        (0.0, 1e-3, True),
+        (0.0, 3e-3, False),
+    ],
+)
+def test_frames_look_alike_within_a_quarter_of_a_pixel(
+    moved: float, turned: float, alike: bool
+) -> None:
+    from simulate.render.renderer import EpisodeRenderer
+
+    scene = Scene(frames=2)
+    turn = np.array([[1.0, 0, 0, 0], [np.cos(turned / 2), 0, 0, -np.sin(turned / 2)]])
+    turn[1] *= -1  # the same orientation, written with the other sign
+    scene.box("cube", 0.03, np.array([[0.0, 0, 0.03], [moved, 0, 0.03]]), orientation=turn)
+    try:
+        with EpisodeRenderer(scene.episode(), 64, 64) as renderer:
+            assert renderer.still(1, 0) is alike
+            assert renderer.still(0, 1) is alike
+    except InputError as error:
+        pytest.skip(str(error))
+
+
 def test_another_ending_is_refused(tmp_path: Path) -> None:
     from simulate.render.video import film
 
