@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +25,24 @@ I64 = NDArray[np.int64]
 RISES = 0.5
 """A contact whose normal rises at least this much (60° from the vertical) is stood on."""
 KEPT = 0.1
-"""s for which a body that has not moved stands on what it stood on, whatever contacts are missing."""
+"""s for which a contact of a body that has not moved lasts when it is missing."""
 STAYS, STAYS_TURN = 1e-3, np.radians(1.0)
 """m, rad: less is no motion, as for the relations of what nobody touches."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """Where a body is supported: points (P, 3) m, world, and which of N frames each is at (P,)."""
+    """Where a body is supported.
+
+    Attributes:
+        position: (P, 3) m, world.
+        owner: (P,) which of N frames each is at.
+        few: (N,) no one of the frames that they are taken from has three: there may be more.
+    """
 
     position: F64
     owner: I64
+    few: Bool
 
 
 @dataclass(frozen=True)
@@ -41,8 +50,8 @@ class Stance:
     """How a body stands at N frames: what its support margin and its tipping angle are made of.
 
     Attributes:
-        margin: (N,) m; NaN where the support spans no area.
-        most: (N,) m, what the margin is at most: itself where it is known; inf where nothing is.
+        margin: (N,) m, what it is at least; NaN where the support spans no area.
+        most: (N,) m, what it is at most: the same where it is known; inf where nothing is.
         height: (N,) m, of the COM above the support; NaN where it has none.
         notes: what is not known.
     """
@@ -89,30 +98,11 @@ class Loads:
     def standing(self, body: int, at: I64) -> Stance:
         """How the body, with everything that rests on it, stands at some frames.
 
-        A solver leaves out contacts of what rests on two edges for a few frames: as long as neither it
-        nor what bears it has moved for ``KEPT``, it stands as it did. Where all that it touches
-        spans an area, though what bears it spans none, that area bounds the margin.
+        A solver leaves out contacts of what rests for a few frames: as long as neither it nor what
+        bears it has moved, contacts last for ``KEPT``. What they span together is what it stands on at
+        least; where no frame has three, there may be more. Where all that it touches spans an area,
+        that bounds the margin.
         """
-        margin, height, notes = self._stance(body, at)
-        lost = np.flatnonzero(np.isnan(margin))
-        before = self._before(at[lost])
-        kept, above, _ = self._stance(body, before)
-        last = self._last(before[~np.isnan(kept)], at[lost])
-        same = (last >= 0) & self._unmoved(body, np.maximum(last, 0), at[lost])
-        source = np.searchsorted(before, last[same])
-        margin[lost[same]], height[lost[same]] = kept[source], above[source]
-        nothing = np.isnan(margin)
-        most = margin.copy()
-        if nothing.any():
-            few = f"{self._names[body]} has fewer than three support contacts that span an area"
-            notes = (*notes, few)
-            points, weight = self._touching(body, at[nothing]), self._weight(body, at[nothing])
-            bound = polygon_margin(points.position[:, :2], points.owner, weight.centre[:, :2])
-            most[nothing] = np.where(np.isnan(bound), np.inf, bound)
-        return Stance(margin, most, height, notes)
-
-    def _stance(self, body: int, at: I64) -> tuple[F64, F64, tuple[str, ...]]:
-        """Margin (N,) m and height (N,) m from the contacts at the frames alone; NaN; and notes."""
         points, weight = self._points(body, at), self._weight(body, at)
         margin = polygon_margin(points.position[:, :2], points.owner, weight.centre[:, :2])
         many = np.bincount(points.owner, minlength=len(at))
@@ -120,25 +110,17 @@ class Loads:
         height = weight.centre[:, 2] - np.divide(
             level, many, out=np.full(len(at), np.nan), where=many > 0
         )
-        return np.where(np.isnan(height), np.nan, margin), height, weight.notes
-
-    def _before(self, at: I64) -> I64:
-        """(M,) all frames within ``KEPT`` before some frames."""
-        t = self._episode.t
-        first = np.searchsorted(t, t[at] - KEPT - 1e-9)
-        wanted = np.zeros(len(t) + 1, np.int64)
-        np.add.at(wanted, first, 1)
-        np.add.at(wanted, at, -1)
-        return np.flatnonzero(np.cumsum(wanted)[:-1] > 0)
-
-    def _last(self, usable: I64, at: I64) -> I64:
-        """(N,) the last of some frames within ``KEPT`` before each; −1 if there is none."""
-        if not len(usable):
-            return np.full(len(at), -1, np.int64)
-        place = np.searchsorted(usable, at) - 1
-        last = np.where(place >= 0, usable[np.maximum(place, 0)], -1)
-        late = self._episode.t[at] - self._episode.t[np.maximum(last, 0)] > KEPT + 1e-9
-        return np.where(late, -1, last)
+        margin = np.where(np.isnan(height), np.nan, margin)
+        most, notes, loose = margin.copy(), weight.notes, np.isnan(margin) | points.few
+        if loose.any():
+            few = f"{self._names[body]} has fewer than three support contacts that span an area"
+            notes = (*notes, few)
+            points = self._touching(body, at[loose])
+            centre = weight.centre[loose, :2]
+            bound = polygon_margin(points.position[:, :2], points.owner, centre)
+            bound = np.where(np.isnan(bound) | points.few, np.inf, bound)
+            most[loose] = np.fmax(bound, margin[loose])
+        return Stance(margin, most, height, notes)
 
     def _unmoved(self, body: int, before: I64, now: I64) -> Bool:
         """(N,) the body and all that ever bears it are where they were at frames before."""
@@ -153,26 +135,18 @@ class Loads:
 
     def _touching(self, body: int, at: I64) -> Points:
         """All its contacts, be it with what hardly presses on it; not those with the robot."""
-        where = np.full(len(self._episode), -1, np.int64)
-        where[at] = np.arange(len(at))
-        positions, owners = [np.empty((0, 3))], [np.empty(0, np.int64)]
+        found: list[Sequence[Any]] = []
         for other in self._sums.beside(body):
             robot = self._episode.header.bodies[other].kind in ("robot", "gripper")
-            if robot or self._graph.assemblies.on_robot(other):
-                continue
-            pair = (min(other, body), max(other, body))
-            frame, position = self._episode.contacts.of_pair(pair, "frame", "position")
-            use = where[frame] >= 0
-            positions.append(position[use].astype(np.float64))
-            owners.append(where[frame[use]])
-        return Points(np.concatenate(positions), np.concatenate(owners))
+            if not robot and not self._graph.assemblies.on_robot(other):
+                pair = (min(other, body), max(other, body))
+                found.append(self._episode.contacts.of_pair(pair, "frame", "position"))
+        return self._lasting(body, at, found)
 
     def _points(self, body: int, at: I64) -> Points:
         """Contacts with what bears the body that are stood on or carry a share of its weight."""
-        where = np.full(len(self._episode), -1, np.int64)
-        where[at] = np.arange(len(at))
         weight = (self._episode.header.bodies[body].mass or 0.0) * self._gravity
-        positions, owners = [np.empty((0, 3))], [np.empty(0, np.int64)]
+        found = []
         for bearer, bears in self._graph.bearers(body).items():
             pair = (min(bearer, body), max(bearer, body))
             frame, position, normal, force = self._episode.contacts.of_pair(
@@ -180,10 +154,38 @@ class Loads:
             )
             sign = 1.0 if body > bearer else -1.0
             carries = (sign * normal >= RISES) | (sign * force >= max(LEAST_SHARE * weight, 1e-9))
-            use = carries & bears[frame] & (where[frame] >= 0)
-            positions.append(position[use].astype(np.float64))
-            owners.append(where[frame[use]])
-        return Points(np.concatenate(positions), np.concatenate(owners))
+            use = carries & bears[frame]
+            found.append((frame[use], position[use]))
+        return self._lasting(body, at, found)
+
+    def _lasting(self, body: int, at: I64, found: Sequence[Sequence[Any]]) -> Points:
+        """Contacts (frames, positions) at some frames, and those missing there that were there before.
+
+        Within ``KEPT``, and while the body and what bears it have not moved; they go with the body by
+        what that leaves. None is missing that has another within ``STAYS`` of it at the frame.
+        """
+        if not found:
+            return Points(np.empty((0, 3)), np.empty(0, np.int64), np.ones(len(at), np.bool_))
+        frame, position = (np.concatenate(part) for part in zip(*found, strict=True))
+        order, t = np.argsort(frame, kind="stable"), self._episode.t
+        frame, position = frame[order], position[order].astype(np.float64)
+        begin = np.searchsorted(t, t[at] - KEPT - 1e-9)
+        first = np.searchsorted(frame, begin)
+        many = np.searchsorted(frame, at, side="right") - first
+        owner = np.repeat(np.arange(len(at)), many)
+        row = np.arange(len(owner)) + np.repeat(first - (np.cumsum(many) - many), many)
+        there = frame[row] == at[owner]
+        points, track = position[row], self._episode.tracks[self._names[body]]
+        if len(track) > 1:
+            points += (track.position[at[owner]] - track.position[frame[row]]).astype(np.float64)
+        use = there.copy()
+        use[~there] = _far(points[there], owner[there], points[~there], owner[~there])
+        missing = np.flatnonzero(use & ~there)
+        use[missing] = self._unmoved(body, frame[row[missing]], at[owner[missing]])
+        found_at = np.bincount(frame, minlength=len(t) + 1)
+        windows = np.column_stack([begin, at + 1]).ravel()
+        few = np.maximum.reduceat(found_at, windows)[::2] < 3
+        return Points(points[use], owner[use], few)
 
     def _weight(self, body: int, at: I64) -> Weight:
         """The common COM of the body and its load.
@@ -256,3 +258,17 @@ class Loads:
         if body not in self._com:
             self._com[body] = com_position(self._episode, self._names[body])
         return self._com[body]
+
+
+def _far(points: F64, owner: I64, others: F64, their_owner: I64) -> Bool:
+    """(M,) which of the others have none of the points of the same owner within ``STAYS``."""
+    if not len(points) or not len(others):
+        return np.ones(len(others), np.bool_)
+    from scipy.spatial import cKDTree
+
+    apart = 2 * STAYS  # of owners, in a fourth direction
+    tree = cKDTree(np.column_stack([points, apart * owner]))
+    distance, _ = tree.query(
+        np.column_stack([others, apart * their_owner]), distance_upper_bound=STAYS
+    )
+    return np.isinf(distance)

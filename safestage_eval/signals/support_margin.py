@@ -47,9 +47,10 @@ def tipping_angle(request: SupportRequest) -> Series:
         return request.unknown("the trace has no contact forces")
     index = request.episode.body_index[request.bodies[0]]
     standing = relations.loads.standing(index, request.at)
-    tilt = np.arctan2(standing.margin, standing.height)
+    tilt, most = (np.arctan2(m, standing.height) for m in (standing.margin, standing.most))
     nothing = np.isnan(tilt)
-    lower, upper = np.where(nothing, -np.inf, tilt), np.where(nothing, np.inf, tilt)
+    lower = np.where(nothing, -np.inf, tilt)
+    upper = np.where(nothing | np.isinf(standing.most), np.inf, most)
     return Series(lower, upper, request.signal.dimension, standing.notes)
 
 
