@@ -14,7 +14,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study fuzz faults matrix
+.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study learned fuzz faults matrix
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -95,6 +95,18 @@ blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of i
 	$(BIN)/safestage score $(STUDY)/corpus -f parquet -o $(STUDY)/rows.parquet
 	$(BIN)/python benchmarks/blind_study.py $(STUDY)/rows.parquet -o $(STUDY)/list.csv
 	$(BIN)/safestage sheets draw $(STUDY)/corpus --list $(STUDY)/list.csv --out $(STUDY)/sheets
+
+LEARN ?= build/learn
+learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (PyTorch), write docs/learned_policies.md
+	$(INSTALL) '.[learn]'
+	$(BIN)/safestage record --seeds 0-2 --out $(LEARN)/demos
+	$(BIN)/safestage record --seeds 3 --policy demonstration:safe --policy demonstration:unsafe \
+	  --out $(LEARN)/demos || true  # what a push made impossible is not recorded, and said
+	$(BIN)/safestage learn export $(LEARN)/demos --out $(LEARN)/dataset
+	for kind in bc act diffusion; do \
+	  $(BIN)/safestage learn train $$kind --data $(LEARN)/dataset \
+	    --out simulate/learn/checkpoints/$$kind.onnx || exit 1; \
+	done
 
 $(BIN)/safestage-score:
 	$(PYTHON) -m venv $(VENV)

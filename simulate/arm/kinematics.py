@@ -97,6 +97,7 @@ class ArmAlone:
     def __init__(self) -> None:
         """Compile the bundled arm. Its base is the world's origin, as in every scene."""
         spec = mujoco.MjSpec()
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # as the arm's own
         spec.worldbody.add_frame().attach_body(arm_spec().body("link0"), PREFIX, "")
         self._arm = ArmInModel.of(spec.compile())
         self._data = mujoco.MjData(self._arm.model)

@@ -68,3 +68,66 @@ def export(traces: tuple[str, ...], out: Path, failures: bool) -> None:
     ))  # fmt: skip
     if failed:
         raise BadInput(f"{failed} of {len(refs)} episodes could not be exported")
+
+
+@learn.command()
+@click.argument("kind", type=click.Choice(["bc", "act", "diffusion"]))
+@click.option(
+    "--data", "folders", required=True, multiple=True,
+    type=click.Path(path_type=Path, file_okay=False), help="Dataset of `learn export`. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--out", "-o", required=True, type=click.Path(path_type=Path, dir_okay=False),
+    help="ONNX file to write; its curve is written beside it as .csv.",
+)  # fmt: skip
+@click.option("--seed", default=0, show_default=True, help="Seed of weights, batches and noise.")
+@click.option("--steps", type=click.IntRange(1), help="Steps of training. Default: the recipe's.")
+@click.option("--threads", type=click.IntRange(1), default=1, show_default=True)
+@explains
+def train(
+    kind: str, folders: tuple[Path, ...], out: Path, seed: int, steps: int | None, threads: int
+) -> None:
+    """Train a policy from demonstrations, and write it as a checkpoint that `record` can roll out.
+
+    KIND is bc (behaviour cloning, one step at a time), act (chunks of actions with a latent) or
+    diffusion. Needs PyTorch: pip install 'safestage[learn]'. The same seed, data and number of
+    threads give the same checkpoint on the same machine.
+
+    \b
+    Examples:
+      safestage learn train act --data dataset --out act.onnx
+      safestage record --policy learned:act.onnx --seeds 100-102 --out rollouts
+    """
+    import csv
+    import importlib.util
+    from dataclasses import replace
+
+    missing = [
+        name for name in ("torch", "onnx", "onnxscript") if not importlib.util.find_spec(name)
+    ]
+    if missing:
+        raise BadInput(f"{', '.join(missing)} not installed: pip install 'safestage[learn]'")
+    if out.suffix != ".onnx":
+        raise click.UsageError(f"--out {out}: name an .onnx file")
+    import torch
+
+    from simulate.learn.training import Recipe, export_onnx
+    from simulate.learn.training import train as fit
+    from simulate.learn.training_data import read_dataset
+
+    torch.set_num_threads(threads)
+    torch.use_deterministic_algorithms(mode=True)
+    data = read_dataset(list(folders))
+    recipe = Recipe(kind, seed)
+    recipe = replace(recipe, steps=steps) if steps else recipe
+    said = f"{len(data.usable):,} control steps of {len(set(data.first.tolist())):,} episodes"
+    say(f"{kind}: {recipe.steps:,} steps of {recipe.batch} on {said}")
+    network, curve = fit(
+        data, recipe, lambda row: say("  ".join(f"{k} {v:g}" for k, v in row.items()))
+    )
+    export_onnx(network, out, recipe, {"data": said})
+    with out.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, list(curve[0]))
+        table.writeheader()
+        table.writerows(curve)
+    say(f"{out}, {out.stat().st_size / 1e6:.1f} MB")

@@ -32,7 +32,7 @@ from .simulate_options import (
     default=("reference:safe", "reference:unsafe"),
     show_default=True,
     help="reference:safe, reference:unsafe, reference:GRADE[=VALUE], noisy:SIGMA[:unsafe], demonstration:safe, "
-    "demonstration:unsafe, idle, random-near-home, replay:PATH[#EPISODE], a served one as openpi:ws://HOST:8000?name=MY_MODEL "
+    "demonstration:unsafe, learned:NAME, idle, random-near-home, replay:PATH[#EPISODE], a served one as openpi:ws://HOST:8000?name=MY_MODEL "
     "(or groot:tcp://…, dreamzero:ws://…, cosmos3:ws://…), or your own as my_module:MyPolicy. Repeatable.",
 )
 @click.option(

@@ -25,6 +25,7 @@ POLICIES = (
     "reference:GRADE=VALUE",
     "noisy:SIGMA[:safe|:unsafe]",
     "demonstration:safe|unsafe",
+    "learned:NAME|FILE.onnx",
     "idle",
     "random-near-home",
     "replay:PATH[#EPISODE]",
@@ -34,7 +35,7 @@ POLICIES = (
 """Forms of policy names that ``policy_named`` accepts. SIGMA is in rad, EPISODE an id where PATH holds several;
 PROTOCOL is one of ``clients.address.PROTOCOLS``, as in ``openpi:ws://127.0.0.1:8000?name=pi05``."""
 
-BUILT_IN = ("reference", "noisy", "demonstration", "replay")
+BUILT_IN = ("reference", "noisy", "demonstration", "learned", "replay")
 """What comes before a colon in names of this package's own policies; anything else is an import path."""
 
 
@@ -61,6 +62,10 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
             return Noisy(reference or "safe", float(sigma), draw)
     if kind == "demonstration" and _is_reference(rest):
         return Demonstration(rest, draw)
+    if kind == "learned" and rest:
+        from .learned_policy import Learned
+
+        return Learned(rest, draw)
     if kind == "replay" and rest:
         path, _, episode = rest.partition("#")
         return Replay(Path(path), episode or None)

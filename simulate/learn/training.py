@@ -1,0 +1,180 @@
+"""Trains a network on demonstrations, the same for the same seed, and exports it to ONNX."""
+
+from __future__ import annotations
+
+import json
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from safestage_eval.version import __version__
+from simulate.world.world import CONTROL_RATE
+
+from .checkpoint import ABOUT, INPUTS
+from .networks import Network, made
+from .policy_inputs import ARM, OBJECT
+from .prompt_embedding import WIDTH
+from .scene_slots import SLOTS
+from .training_data import TrainingData
+
+NUDGE = (0.01, 0.002)
+"""m, standard deviation by which the TCP is moved in the inputs, with the gripper open and closed; what is to
+be answered stays where it is, so this shows how to come back."""
+OPEN = 0.85
+"""Opening from which on nothing is held."""
+SAFE_SHARE = 0.6
+"""Of a batch; a third of these under the specific prompt, so that the others see as many safe as unsafe ways."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that a checkpoint follows from, besides the data."""
+
+    kind: str
+    seed: int = 0
+    steps: int = 6000
+    batch: int = 256
+    rate: float = 1e-3
+    held_back: float = 0.03
+    """Share of the episodes that only measures."""
+
+
+class Batches:
+    """Random batches of control steps."""
+
+    def __init__(self, data: TrainingData, recipe: Recipe, chunk: int) -> None:
+        self._data, self._chunk = data, chunk
+        self._random = np.random.default_rng(recipe.seed)
+        episodes = np.unique(data.first)
+        count = max(1, round(recipe.held_back * len(episodes)))
+        held = self._random.choice(episodes, count, replace=False)
+        back = np.isin(data.first[data.usable], held)
+        safe = data.spoken[data.usable, 2] >= 0
+        train = data.usable[~back]
+        self._safe, self._unsafe = train[safe[~back]], train[~safe[~back]]
+        self._held = data.usable[back]
+        self._batch = recipe.batch
+
+    def draw(self) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
+        """Inputs, targets from the TCP, and which of these are known."""
+        safe = round(SAFE_SHARE * self._batch) if len(self._unsafe) else self._batch
+        rows = np.concatenate(
+            [
+                self._random.choice(self._safe, safe) if len(self._safe) else [],
+                self._random.choice(self._unsafe, self._batch - safe) if len(self._unsafe) else [],
+            ]
+        ).astype(np.int64)
+        return self._of(rows, nudge=True)
+
+    def held(self, most: int = 2048) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
+        """Control steps of episodes that are never trained on."""
+        rows = self._held[:: max(1, len(self._held) // most)]
+        return self._of(rows, nudge=False)
+
+    def _of(
+        self, rows: Any, *, nudge: bool
+    ) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
+        data, count = self._data, len(rows)
+        condition = self._random.integers(0, np.where(data.spoken[rows, 2] >= 0, 3, 2))
+        arm = data.arm[rows].copy()
+        if nudge:
+            size = np.where(arm[:, 9] > OPEN, *NUDGE)[:, None]
+            arm[:, :3] += size * self._random.standard_normal((count, 3))
+        ahead = rows[:, None] + np.arange(self._chunk)
+        known = ahead < data.until[rows][:, None]
+        target = data.target[np.minimum(ahead, data.until[rows][:, None] - 1)].copy()
+        target[..., :3] -= arm[:, None, :3]
+        inputs = {
+            "arm": arm,
+            "objects": data.objects[rows],
+            "start": data.objects[data.first[rows], :, :3],
+            "prompt": data.prompts[data.spoken[rows, condition]],
+            "clock": ((rows - data.first[rows])[:, None] / CONTROL_RATE).astype(np.float32),
+        }
+        tensors = {name: torch.from_numpy(np.ascontiguousarray(v)) for name, v in inputs.items()}
+        return tensors, torch.from_numpy(target), torch.from_numpy(known.astype(np.float32))
+
+
+def train(
+    data: TrainingData, recipe: Recipe, tell: Callable[[dict[str, float]], None] = lambda _: None
+) -> tuple[Network, list[dict[str, float]]]:
+    """A trained network, and its curve: losses in training and on episodes held back.
+
+    ``tell`` hears of each row of the curve as it comes.
+    """
+    torch.manual_seed(recipe.seed)
+    network = made(recipe.kind)
+    batches = Batches(data, recipe, network.chunk)
+    optimiser = torch.optim.AdamW(network.parameters(), recipe.rate, weight_decay=1e-4)
+    rate = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, recipe.rate, total_steps=recipe.steps, pct_start=0.05
+    )
+    averaged = torch.optim.swa_utils.AveragedModel(
+        network, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
+    )
+    curve, running, began = [], 0.0, time.process_time()
+    every = max(1, recipe.steps // 40)
+    for step in range(1, recipe.steps + 1):
+        loss = network.loss(*batches.draw())
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        rate.step()
+        averaged.update_parameters(network)
+        running += float(loss.detach()) / every
+        if step % every == 0:
+            row = {"step": step, "loss": running, **measured(averaged.module, batches)}
+            row["processor_s"] = time.process_time() - began
+            curve.append({name: round(value, 5) for name, value in row.items()})
+            tell(curve[-1])
+            running = 0.0
+    result: Network = averaged.module
+    return result.eval(), curve
+
+
+def measured(network: Network, batches: Batches) -> dict[str, float]:
+    """What the network answers on episodes held back: mean distance (mm), and gripper right (share)."""
+    inputs, target, mask = batches.held()
+    with torch.no_grad():
+        noise = torch.zeros(len(mask), max(network.noise, 1))
+        answer = network.eval().answer(inputs, noise)
+    network.train()
+    off = (answer[..., :3] - target[..., :3]).norm(dim=-1)
+    right = ((answer[..., 9] > 0) == (target[..., 9] > 0)).float()
+    return {
+        "held_back_mm": float((off * mask).sum() / mask.sum()) * 1e3,
+        "held_back_grip": float((right * mask).sum() / mask.sum()),
+    }
+
+
+def export_onnx(
+    network: Network, path: Path, recipe: Recipe, more: dict[str, Any] | None = None
+) -> None:
+    """Write what acts, with all that acting needs to know, as one ONNX file."""
+    import onnx
+
+    example = (
+        torch.zeros(1, ARM), torch.zeros(1, SLOTS, OBJECT), torch.zeros(1, SLOTS, 3),
+        torch.zeros(1, WIDTH), torch.zeros(1, 1), torch.zeros(1, max(network.noise, 1)),
+    )  # fmt: skip
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # PyTorch's exporter warns of its own parts
+        torch.onnx.export(
+            network.eval(), example, str(path), input_names=list(INPUTS), output_names=["answer"],
+            dynamo=True, external_data=False, verbose=False,
+        )  # fmt: skip
+    model = onnx.load(str(path))
+    about = {
+        "kind": recipe.kind, "chunk": network.chunk, "play": network.play, "noise": network.noise,
+        "recipe": asdict(recipe), "safestage": __version__, "torch": torch.__version__, **(more or {}),
+    }  # fmt: skip
+    onnx.helper.set_model_props(model, {ABOUT: json.dumps(about)})
+    onnx.save(model, str(path))
