@@ -194,25 +194,21 @@ def check_peaks(
     frame: I32, force: F32, normal: F32, peak: F32, names: Sequence[str], where: str
 ) -> list[ContradictionError]:
     """(N,) N: a pair's peak within a frame is at least its force at the frame."""
-    rows = np.flatnonzero(frame % EVERY == 0)
-    if not len(rows):
+    from .invariant_kernels import peak_below
+
+    if not len(frame):
         return []
-    frame, peak = frame[rows], peak[rows]
-    push, way = force[rows].astype(np.float64), normal[rows].astype(np.float64)
-    unit = np.abs(np.einsum("ij,ij->i", way, way) - 1) < 0.01  # any other is unknown anyway
-    along = np.where(unit, np.abs(np.einsum("ij,ij->i", push, way)), 0)
-    total = np.bincount(frame, along, minlength=int(frame.max()) + 1)[frame]
-    less = peak < 0.99 * total - 1e-2  # false of NaN
-    if not less.any():
+    sums = np.zeros(int(frame.max()) // EVERY + 1)
+    n = peak_below(frame, force, normal, peak, EVERY, sums)  # false of NaN
+    if n < 0:
         return []
-    n = int(less.argmax())
     return [
         contradiction(
             "peak",
             tuple(names),
             where,
             f"the peak force of {names[0]!r} and {names[1]!r} at frame {frame[n]} is {peak[n]:.3g} N, "
-            f"less than their force at that frame, {total[n]:.3g} N.",
+            f"less than their force at that frame, {sums[frame[n] // EVERY]:.3g} N.",
             "the greatest sum of a pair's normal forces within the frame",
             "look for another unit; or write NaN where no peak was recorded",
         )

@@ -242,6 +242,29 @@ def add_forces(
 
 
 @kernel
+def peak_below(frame: I32, force: F32, normal: F32, peak: F32, every: int, sums: F64) -> int:
+    """The first contact of a pair whose peak (N,) is below the pair's normal force; -1 if none is.
+
+    Only at each so many frames (``every``), and where the normal (N, 3) is of unit length; peaks
+    may be 1 % and 0.01 N less. ``sums`` ((T - 1) // every + 1,) N, zero at first: of each frame.
+    """
+    for n in range(len(frame)):
+        if frame[n] % every:
+            continue
+        square = along = 0.0
+        for i in range(3):
+            way = np.float64(normal[n, i])
+            square += way * way
+            along += np.float64(force[n, i]) * way
+        if abs(square - 1.0) < 0.01:  # any other is unknown anyway
+            sums[frame[n] // every] += abs(along)
+    for n in range(len(frame)):
+        if frame[n] % every == 0 and peak[n] < 0.99 * sums[frame[n] // every] - 1e-2:
+            return n
+    return -1
+
+
+@kernel
 def while_at_rest(
     position: F32,
     sums: F64,

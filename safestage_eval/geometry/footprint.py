@@ -19,6 +19,9 @@ from .stillness import still_since
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
+SPREAD = 1e-8
+"""m², twice an area that is certainly one."""
+
 
 def overlap_xy(a: Mover, b: Mover, frames: I64 | None = None) -> F64:
     """Share, 0…1, of a's footprint area that lies over b's footprint.
@@ -121,6 +124,9 @@ def _shares(
         solid = 0
         for p in range(upper):
             solid = _take(room, p, solid)
+        if every == upper + 1 and _spread(room, solid) and _within(room, upper):
+            share[r] = 1.0
+            continue
         bounds(room.corners, room.solid_first[:solid], room.solid_many[:solid], room.box)
         area = _union_area(room, 0, solid)
         if not area > 0.0:
@@ -174,6 +180,22 @@ def _take(room: _Room, piece: int, solid: int) -> int:
         return solid
     room.solid_first[solid], room.solid_many[solid] = room.first[piece], room.many[piece]
     return solid + 1
+
+
+@kernel
+def _spread(room: _Room, solid: int) -> bool:
+    """Whether some solid piece covers more than rounding could make up."""
+    for p in range(solid):
+        start, double = room.solid_first[p], 0.0
+        for k in range(1, room.solid_many[p] - 1):
+            ax = room.corners[start + k, 0] - room.corners[start, 0]
+            ay = room.corners[start + k, 1] - room.corners[start, 1]
+            bx = room.corners[start + k + 1, 0] - room.corners[start, 0]
+            by = room.corners[start + k + 1, 1] - room.corners[start, 1]
+            double += ax * by - ay * bx
+        if double > SPREAD:
+            return True
+    return False
 
 
 @kernel
