@@ -120,6 +120,12 @@ def group() -> None:
       safestage score traces/ --rules fsh
       safestage explain traces/ --episode EPISODE_ID
       safestage rules check my_rules.toml
+
+    \b
+    The tab key completes commands, options and their values after one of
+      eval "$(_SAFESTAGE_COMPLETE=bash_source safestage)"     in ~/.bashrc
+      eval "$(_SAFESTAGE_COMPLETE=zsh_source safestage)"      in ~/.zshrc
+      _SAFESTAGE_COMPLETE=fish_source safestage | source      in config.fish
     """
 
 

@@ -15,6 +15,7 @@ from .shared_options import (
     prepare_kernels,
     rules_option,
     set_option,
+    waiting,
 )
 from .terminal import say_lines
 
@@ -59,10 +60,11 @@ def command(
     ref = chosen_ref(trace, name, episode)
     loaded = load_rules(list(rules) or builtin_names())
     prepare_kernels()
-    result = judge(
-        ref.open(),
-        loaded,
-        overrides=pairs(settings, "--set"),
-        bind=load_binding(bind, loaded, assign, roles, protect),
-    )
+    with waiting("judging"):
+        result = judge(
+            ref.open(),
+            loaded,
+            overrides=pairs(settings, "--set"),
+            bind=load_binding(bind, loaded, assign, roles, protect),
+        )
     say_lines(explain(result, everything=everything))

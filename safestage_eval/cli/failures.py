@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import re
 import sys
+from difflib import get_close_matches
 from io import TextIOWrapper
 
 import click
@@ -33,6 +35,7 @@ def run(command: click.Command) -> None:
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:
+        error.message += near_choice(error)
         error.message = printable_lines(shortened(error.message, LONGEST))  # type: ignore[misc]
         error.show()
         sys.exit(2)
@@ -61,3 +64,13 @@ def run(command: click.Command) -> None:
             sys.exit(0)  # no failure
         raise
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def near_choice(error: click.ClickException) -> str:
+    """The choice of an option that a misspelt one is nearest to; empty for other failures."""
+    param = error.param if isinstance(error, click.BadParameter) else None
+    if param is None or not isinstance(param.type, click.Choice):
+        return ""
+    given = re.match(r"'([^']*)' is not one of", error.message)
+    near = get_close_matches(given[1], map(str, param.type.choices), 1) if given else []
+    return f" Did you mean {near[0]!r}?" if near else ""

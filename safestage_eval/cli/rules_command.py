@@ -172,7 +172,11 @@ def lsp() -> None:
     files. Needs the extra "lsp": pip install "safestage[lsp]".
 
     \b
-    Example (Neovim 0.11):
+    Example:
+      safestage rules lsp
+
+    \b
+    In Neovim 0.11:
       vim.lsp.config.safestage = { cmd = { "safestage", "rules", "lsp" }, filetypes = { "toml" } }
       vim.lsp.enable("safestage")
     """

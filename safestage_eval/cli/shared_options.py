@@ -263,6 +263,15 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
             BARS.remove(bar)
 
 
+@contextmanager
+def waiting(what: str) -> Iterator[None]:
+    """As ``progress``, for one thing of which nobody knows how long it takes."""
+    with progress(what) as tell:
+        if tell is not None:
+            tell(0, None)
+        yield
+
+
 def _start_bar(what: str) -> Progress:
     from rich.console import Console
     from rich.progress import (

@@ -104,7 +104,9 @@ def _deciding(again: Again, rule: ast.Scoped) -> list[str]:
 
 def _panel(again: Again, expression: str) -> Panel:
     plain, since, event = expression.partition(" since ")
-    name = by_bodies(again.episode, plain) + since + event
+    rules = again.rules
+    declared = (*rules.signals, *rules.derived, *rules.states)
+    name = by_bodies(again.episode, plain, declared) + since + event
     series: Series | None = None
     limits: list[tuple[Bound, str]] = []
     verdicts = []
@@ -119,7 +121,7 @@ def _panel(again: Again, expression: str) -> Panel:
             expression, "no rule that was judged measures it.", fix="leave out 'since'"
         )
     if series is None:
-        series = ask(again.episode, name, again.relations)
+        series = ask(again.episode, name, again.relations, again.rules)
     return Panel(name, series, tuple(limits), tuple(verdicts))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -47,22 +47,18 @@ def ask(
     """
     relations = relations or Relations(Signals(with_holes(episode)))
     episode = relations.episode
-    call, bodies, options = _parsed(episode, expression)
-    spec = SIGNALS.get(call.name)
     states = {} if rules is None else rules.states
+    declared_names = [] if rules is None else [*states, *rules.derived, *rules.signals]
+    call, bodies, options = _parsed(episode, expression, declared_names)
+    spec = SIGNALS.get(call.name)
     if call.name in RELATIONS or (spec is None and call.name in states):
         declared = RELATIONS.get(call.name)
         counts = (len(states[call.name].of),) if declared is None else declared.arities
         _check_count(expression, len(bodies), counts)
         return _truth(_evaluator(episode, relations, rules, declared is None), call.name, bodies)
-    declared_signals = {} if rules is None else {**rules.derived, **rules.signals}
-    if spec is None and call.name in declared_signals:
-        return _declared(_evaluator(episode, relations, rules, True), expression, call, bodies)
     if spec is None:
-        names = [*SIGNALS, *RELATIONS, *declared_signals, *states]
-        raise InputError(
-            expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
-        )
+        assert rules is not None
+        return _declared(_evaluator(episode, relations, rules, True), expression, call, bodies)
     _check_count(expression, len(call.args), spec.arities)
     limits = (0.0,) if spec.capped else ()  # a depth is wanted as well
     return relations.signal(call.name, bodies, options=options, limits=limits)
@@ -108,18 +104,28 @@ def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Series:
     )  # fmt: skip
 
 
-def by_bodies(episode: Episode, expression: str) -> str:
-    """The expression with the bodies' names, as verdicts write it. Raises InputError as ``ask``."""
-    call, bodies, options = _parsed(episode, expression)
+def by_bodies(episode: Episode, expression: str, declared: Iterable[str] = ()) -> str:
+    """The expression with the bodies' names, as verdicts write it. Raises InputError as ``ask``.
+
+    ``declared``: names that rule files add.
+    """
+    call, bodies, options = _parsed(episode, expression, declared)
     return str(ast.Call(call.name, (*(str(value) for _, value in options), *bodies)))
 
 
-def _parsed(episode: Episode, expression: str) -> tuple[ast.Call, tuple[str, ...], Options]:
+def _parsed(
+    episode: Episode, expression: str, declared: Iterable[str] = ()
+) -> tuple[ast.Call, tuple[str, ...], Options]:
     """The call as written, the bodies that it is about, and the options that it names."""
     try:
         call = parse.query(expression)
     except parse.GrammarError as problem:
         raise InputError(expression, problem.what, problem.allowed) from None
+    names = [*SIGNALS, *RELATIONS, *declared]
+    if call.name not in names:
+        raise InputError(
+            expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
+        )
     spec = SIGNALS.get(call.name)
     arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
     joints = spec is not None and spec.joints

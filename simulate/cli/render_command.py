@@ -14,6 +14,7 @@ from safestage_eval.cli.shared_options import (
     prepare_kernels,
     progress,
     rules_option,
+    waiting,
 )
 from safestage_eval.cli.terminal import say
 
@@ -66,7 +67,10 @@ def render(
     recorded = ref.open()
     path = output or Path(mcap_name(recorded.header.episode_id)).with_suffix(".mp4")
     prepare_kernels()
-    with progress("filming") as tell:
+    with waiting("judging"):
         result = judge(recorded, loaded, bind=bound)
+    with progress("filming") as tell:
+        if tell is not None:
+            tell(0, None)  # the scene is built before the first picture
         count = film(recorded, result, path, camera=VIEWS[view], speed=speed, progress=tell)
     say(f"{path}: {count} pictures")

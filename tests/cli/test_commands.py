@@ -1,6 +1,7 @@
 """The group: help, version, and the commands that need the simulator."""
 
 import importlib.util
+import os
 import subprocess
 import sys
 import types
@@ -41,7 +42,7 @@ def test_help_lists_every_command():
     assert set(HELP) == {*COMMANDS, *FROM_SIMULATE}
 
 
-RULES = ("check", "show", "signals", "schema", "diff", "test")
+RULES = ("check", "show", "signals", "schema", "lsp", "diff", "test")
 
 
 @pytest.mark.parametrize("name", [*COMMANDS, *(f"rules {name}" for name in RULES)])
@@ -117,3 +118,27 @@ def test_a_reader_that_goes_away_is_no_failure(arguments):
         command.stdout.close()
         assert command.wait() == 0
         assert command.stderr.read() == b""
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("safestage co", {"convert", "compare"}),
+        ("safestage rules sh", {"show"}),
+        ("safestage score --form", {"--format"}),
+        ("safestage score --format j", {"json", "jsonl", "junit"}),
+        ("safestage re", {"report", "record", "render"}),
+    ],
+)
+def test_the_shell_completes_as_help_says(typed, offered):
+    told = run("--help").text
+    assert "_SAFESTAGE_COMPLETE=bash_source safestage" in told
+    words = typed.split()
+    asked = {"COMP_WORDS": typed, "COMP_CWORD": str(len(words) - 1)}
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; sys.argv[0] = 'safestage'\n"
+         "from safestage_eval.cli import main; main()"],
+        env={**os.environ, **asked, "_SAFESTAGE_COMPLETE": "bash_complete"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert {line.partition(",")[2] for line in done.stdout.split()} == offered

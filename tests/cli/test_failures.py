@@ -39,3 +39,22 @@ def test_other_errors_are_bugs_and_stay_visible():
         patch.setattr("sys.argv", ["safestage"])
         with pytest.raises(OSError, match="a bug"):
             run(command)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [("jsn", "Did you mean 'json'?"), ("parket", "Did you mean 'parquet'?"), ("x", "")],
+)
+def test_a_misspelt_choice_is_answered_with_the_nearest(capsys, given, said):
+    @click.command()
+    @click.option("--form", type=click.Choice(["json", "parquet", "table"]))
+    def command(form):
+        raise AssertionError
+
+    with pytest.raises(SystemExit) as end, pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["safestage", "--form", given])
+        run(command)
+    told = capsys.readouterr().err
+    assert end.value.code == 2
+    assert said in told
+    assert ("Did you mean" in told) == bool(said)
