@@ -177,7 +177,8 @@ def lsp() -> None:
 
     \b
     In Neovim 0.11:
-      vim.lsp.config.safestage = { cmd = { "safestage", "rules", "lsp" }, filetypes = { "toml" } }
+      vim.lsp.config.safestage =
+        { cmd = { "safestage", "rules", "lsp" }, filetypes = { "toml" } }
       vim.lsp.enable("safestage")
     """
     try:
