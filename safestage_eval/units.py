@@ -21,6 +21,10 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "jerk": {"m/s^3": 1.0, "cm/s^3": 1e-2},
     "angular acceleration": {"rad/s^2": 1.0, "deg/s^2": math.pi / 180},
     "angular jerk": {"rad/s^3": 1.0, "deg/s^3": math.pi / 180},
+    "squared jerk": {"m^2/s^6": 1.0},
+    "integrated squared jerk": {"m^2/s^5": 1.0},
+    "squared angular jerk": {"rad^2/s^6": 1.0},
+    "integrated squared angular jerk": {"rad^2/s^5": 1.0},
     "area": {"m^2": 1.0, "cm^2": 1e-4},
     "stay": {"m s": 1.0, "cm s": 1e-2},
     "force rate": {"N/s": 1.0},
@@ -37,7 +41,9 @@ _POWERS: dict[str, dict[str, int]] = {
     "length": {"m": 1}, "angle": {"rad": 1}, "speed": {"m": 1, "s": -1}, "rate": {"rad": 1, "s": -1},
     "force": {"N": 1}, "impulse": {"N": 1, "s": 1}, "torque": {"N": 1, "m": 1}, "time": {"s": 1},
     "temperature": {"K": 1}, "acceleration": {"m": 1, "s": -2}, "jerk": {"m": 1, "s": -3},
-    "angular acceleration": {"rad": 1, "s": -2}, "angular jerk": {"rad": 1, "s": -3}, "area": {"m": 2},
+    "angular acceleration": {"rad": 1, "s": -2}, "angular jerk": {"rad": 1, "s": -3},
+    "squared jerk": {"m": 2, "s": -6}, "integrated squared jerk": {"m": 2, "s": -5},
+    "squared angular jerk": {"rad": 2, "s": -6}, "integrated squared angular jerk": {"rad": 2, "s": -5}, "area": {"m": 2},
     "stay": {"m": 1, "s": 1}, "force rate": {"N": 1, "s": -1}, "power": {"N": 1, "m": 1, "s": -1},
     "heating": {"K": 1, "s": -1}, "frequency": {"s": -1}, "ratio": {}, "number": {},
 }  # fmt: skip
@@ -65,6 +71,10 @@ _PREFERRED = {
     "jerk": ("m/s^3", 1),
     "angular acceleration": ("rad/s^2", 2),
     "angular jerk": ("rad/s^3", 1),
+    "squared jerk": ("m^2/s^6", 1),
+    "integrated squared jerk": ("m^2/s^5", 2),
+    "squared angular jerk": ("rad^2/s^6", 1),
+    "integrated squared angular jerk": ("rad^2/s^5", 2),
     "area": ("cm^2", 1),
     "stay": ("cm s", 2),
     "force rate": ("N/s", 1),
@@ -94,6 +104,11 @@ def same_kind(first: str, second: str) -> bool:
 def in_si(number: float, unit: str) -> float:
     """A number in a unit of ``DIMENSIONS``, in SI; temperatures in °C (353.15 K → 80)."""
     return number * DIMENSIONS[UNIT_DIMENSION[unit]][unit] + ZERO.get(unit, 0.0)
+
+
+def an(dimension: str) -> str:
+    """``a length``, ``an angle``."""
+    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
 def unit_of(dimension: str) -> str:

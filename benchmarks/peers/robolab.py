@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,16 +16,15 @@ from typing import Any
 import numpy as np
 from asked import Asked, with_states
 from numpy.typing import NDArray
-from peer_code import code_of, functions
+from peer_code import code_of
 from resampled import resampled
+from robolab_metrics import measures, score
 from scipy.spatial.transform import Rotation
 from tally import Tally, verdicts
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.body import Geom
 from safestage_eval.rules import load_rules
-from safestage_eval.rules.resolve import bind_episode
-from safestage_eval.verdicts.judging import Judge
 
 RATE = 15.0
 """Hz: RoboLab looks once per control step."""
@@ -108,7 +106,7 @@ def modules(checkout: Path) -> Iterator[SimpleNamespace]:
     given = {"isaaclab.utils.math": maths, "robolab.core.utils.usd_utils": {}}
     absent = ["isaaclab", "isaaclab_physx", "isaacsim", "pxr", "robolab.core.utils.vis_utils"]
     with code_of(checkout, packages, absent, given):
-        names = ("task.conditionals", "task.predicate_logic", "task.event_tracker", "task.hull_check",
+        names = ("task.conditionals", "task.conditionals_state_machine", "task.predicate_logic", "task.event_tracker", "task.hull_check",
                  "world.world_state", "task.status")  # fmt: skip
         loaded = {n.split(".")[1]: importlib.import_module(f"robolab.core.{n}") for n in names}
         yield SimpleNamespace(torch=torch, **loaded)
@@ -262,10 +260,11 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode, Tally], None]]:
         def compare(episode: Episode | None, tally: Tally) -> None:
             if episode is None or episode.header.force_source == "none":
                 return  # it knows contacts by their forces alone
-            _path(checkout, episode, tally)
+            measures(checkout, episode, RULES, RATE, tally)
             rows = np.arange(0, len(episode), max(1, round(1 / (RATE * episode.dt))))
             scene = Scene(peer, episode, rows)
             _predicates(peer, scene, tally)
+            score(peer, scene, RULES, tally)
             _events(peer, resampled(episode, rows), scene, tally)
 
         yield compare
@@ -355,27 +354,6 @@ def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
         tally.frames(
             ours("gripper_shut()"), shut, "gripper_opening() <= 25 %", "gripper_fully_closed"
         )
-
-
-def _path(checkout: Path, episode: Episode, tally: Tally) -> None:
-    """The way of the first body of the gripper, at RoboLab's rate."""
-    file = checkout / "robolab/core/metrics/trajectory_metrics.py"
-    measure = functions(file, ["compute_ee_path_length"], {"np": np})["compute_ee_path_length"]
-    thin = resampled(episode, np.arange(0, len(episode), max(1, round(1 / (RATE * episode.dt)))))
-    tool = next((b for b in thin.header.bodies if b.kind == "gripper"), None)
-    if tool is None:
-        return
-    bodies = tuple(
-        b.model_copy(update={"tags": (*b.tags, "tool")}) if b is tool else b
-        for b in thin.header.bodies
-    )
-    tagged = replace(thin, header=thin.header.model_copy(update={"bodies": bodies}))
-    judge = Judge(tagged, RULES, bind_episode(RULES, tagged.header))
-    total = judge.cost(RULES.costs["RLB201"])[0]
-    theirs = measure(thin.track(tool.name).position)
-    tally.values(
-        np.array([total.value]), np.array([theirs]), "RLB201", "compute_ee_path_length", 0.001
-    )
 
 
 def _events(peer: SimpleNamespace, episode: Episode, whole: Scene, tally: Tally) -> None:

@@ -22,7 +22,8 @@ Ends = tuple[F64, F64]
 def combined(operation: str, operands: Sequence[Series]) -> Ends:
     """Lower and upper end (T,) of a pointwise operation; one array where all operands are exact.
 
-    ``operation``: ``sum``, ``difference``, ``product``, ``magnitude``, ``min``, ``max`` or ``abs``.
+    ``operation``: ``sum``, ``difference``, ``product``, ``quotient``, ``magnitude``, ``min``,
+    ``max``, ``abs`` or ``root``.
     """
     ends = [(one.lower, one.upper) for one in operands]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -31,6 +32,10 @@ def combined(operation: str, operands: Sequence[Series]) -> Ends:
             return _known(lambda x, y: x - y, (a, d), (b, c))
         if operation == "abs":
             return _size(ends[0])
+        if operation == "root":
+            return _root(ends[0])
+        if operation == "quotient":
+            return _divided(ends[0], ends[1])
         if operation == "magnitude":
             squares = [_squared(_size(end)) for end in ends]
             low, high = reduce(_sum, squares)
@@ -56,6 +61,41 @@ def change_per_second(of: Series, t: F64) -> Ends:
         return lower, lower
     upper = np.where(np.isnan(high), np.inf, high)
     return lower, np.append(upper[:1], upper)
+
+
+def change_within(of: Series, t: F64, before: float, after: float) -> Ends:
+    """Ends (T,) of the mean change per second, from up to ``before`` s ahead of each to ``after`` s behind.
+
+    At both ends of the recording the time is cut short there. It is not known where something
+    within it is not, and where samples lie further apart, so that none is in reach.
+    """
+    frames = len(t)
+    k = np.arange(frames)
+    first = np.searchsorted(t, t - before * (1 + 1e-6), "left")
+    last = np.searchsorted(t, t + after * (1 + 1e-6), "right") - 1
+    seconds = t[last] - t[first]
+    lost = np.cumsum(np.append(0, ~(np.isfinite(of.lower) & np.isfinite(of.upper))))
+    open_ = (first == last) | (lost[last + 1] > lost[first])
+    if before:
+        open_ |= (first == k) & (k > 0)
+    if after:
+        open_ |= (last == k) & (k < frames - 1)
+    seconds = np.where(first == last, 1.0, seconds)
+    with np.errstate(invalid="ignore"):
+        lower = np.where(open_, -np.inf, (of.lower[last] - of.upper[first]) / seconds)
+        if of.lower is of.upper and not open_.any():
+            return lower, lower
+        return lower, np.where(open_, np.inf, (of.upper[last] - of.lower[first]) / seconds)
+
+
+def change_since(of: Series, since: NDArray[np.int64]) -> Ends:
+    """Ends (T,) of the change since a frame (T,) each; since the first one where it is −1."""
+    there = np.maximum(since, 0)
+    now, then = (of.lower, of.upper), (of.lower[there], of.upper[there])
+    if of.lower is of.upper:
+        then = then[0], then[0]
+    with np.errstate(invalid="ignore"):
+        return _known(lambda x, y: x - y, (now[0], then[1]), (now[1], then[0]))
 
 
 def summed_over_time(of: Series, t: F64) -> Ends:
@@ -104,6 +144,28 @@ def _times(a: Ends, b: Ends) -> Ends:
     corners = np.array([x * y for x in a for y in b])
     corners = np.where(np.isnan(corners), 0.0, corners)  # 0 · ∞
     return corners.min(axis=0), corners.max(axis=0)
+
+
+def _divided(over: Ends, under: Ends) -> Ends:
+    """The quotient; anything where the divisor may be 0."""
+    low, high = under
+    open_ = (low <= 0) & (high >= 0)
+    first = np.where(open_, 1.0, 1 / np.where(open_, 1.0, high))
+    second = first if low is high else np.where(open_, 1.0, 1 / np.where(open_, 1.0, low))
+    lower, upper = _times(over, (first, second))
+    if lower is upper and not open_.any():
+        return lower, lower
+    return np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper)
+
+
+def _root(end: Ends) -> Ends:
+    """√x; anything where x may be negative."""
+    low, high = end
+    open_ = low < 0
+    lower = np.where(open_, -np.inf, np.sqrt(np.maximum(low, 0.0)))
+    if low is high and not open_.any():
+        return lower, lower
+    return lower, np.where(open_, np.inf, np.sqrt(np.maximum(high, 0.0)))
 
 
 def _size(end: Ends) -> Ends:

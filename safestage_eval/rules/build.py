@@ -11,6 +11,7 @@ from . import syntax as ast
 from .clauses import CLAUSES, ClauseSpec
 from .keys import TABLES
 from .names import operands_of, operation_of
+from .operations import OPERATIONS
 
 Table = Mapping[str, Any]
 
@@ -152,8 +153,12 @@ def derived(name: str, table: Table, dimension: str) -> ast.DerivedDef:
     """``[signal.NAME]`` with an operation, and the dimension that it comes to."""
     operation = operation_of(table)
     assert operation is not None
-    operands = tuple(parse.operand(one) for one in operands_of(table))
-    return ast.DerivedDef(name, tuple(table.get("of", ())), operation, operands, dimension)
+    given, of_state = operands_of(table), OPERATIONS[operation].of_state
+    operands: tuple[ast.Operand, ...] = tuple(
+        ast.StateAtom(parse.call(one), True) if of_state else parse.operand(one) for one in given
+    )
+    over = _duration(table, "over")
+    return ast.DerivedDef(name, tuple(table.get("of", ())), operation, operands, dimension, over)
 
 
 def family(name: str, table: Table) -> ast.FamilyDef:

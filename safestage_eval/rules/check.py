@@ -184,13 +184,16 @@ class _FileChecker(Obligations):
     def _derived(self, name: str, operation: Operation, table: dict[str, Any], keys: Keys) -> None:
         """A signal that is computed from others."""
         usage, at = self.usage, (*keys, operation)
-        for key in table.keys() - {"of", operation}:
+        operands, spec = operands_of(table), OPERATIONS[operation]
+        options = {"over"} if spec.over else set()
+        for key in table.keys() - {"of", operation} - options:
             usage.report(
-                "R414", (*keys, key), f'a signal that is computed has no option "{key}"',
-                f"of, {operation}", key=True,
+                "R414", (*keys, key), f'a signal that is computed by {operation} has no option "{key}"',
+                f"of, {', '.join([operation, *options])}", key=True,
             )  # fmt: skip
         scope = self.formals("signal", name, table, keys)
-        operands, spec = operands_of(table), OPERATIONS[operation]
+        if "over" in table and spec.over:
+            usage.lasting(table["over"], (*keys, "over"), scope)
         if not spec.least <= len(operands) <= spec.most:
             takes = "one signal" if spec.most == 1 else f"{spec.least} to {spec.most} operands"
             takes = "two operands" if spec.least == spec.most == 2 else takes
@@ -198,18 +201,35 @@ class _FileChecker(Obligations):
                 "R416", at, f"{operation} takes {takes}, not {len(operands)}", spec.meaning
             )
         found = 0
+        look = self._state_operand if spec.of_state else self._operand
         for index, value in enumerate(operands):
             where = (*at, index) if isinstance(table[operation], list) else at
-            found += self._operand(value, where, scope)
-        if operands and not found:
+            found += look(value, where, scope)
+        if operands and not found and not spec.of_state:
             usage.report("R416", at, "constants alone are no signal", "at least one signal")
         given = [usage.names.operand_dimension(one) for one in operands]
-        if found and None not in given and spec.least <= len(given) <= spec.most:
+        if (
+            found
+            and not spec.of_state
+            and None not in given
+            and spec.least <= len(given) <= spec.most
+        ):
             try:
                 dimension_of_result(operation, [str(one) for one in given])
             except DimensionError as error:
                 usage.report("R407", at, error.what, error.allowed)
         self.unused(scope, (*keys, "of"))
+
+    def _state_operand(self, value: Any, keys: Keys, scope: Scope) -> bool:
+        """Whether it is a state; what is wrong with it is reported."""
+        call = self.usage.parsed("R307", keys, parse.call, str(value))
+        if call is None:
+            scope.unreadable()
+            return False
+        kind = self.usage.call(call, keys, scope)
+        if kind == "signal":
+            self.usage.report("R404", keys, f"{call.name}() is a signal", "a state or relation")
+        return kind == "state"
 
     def _operand(self, value: Any, keys: Keys, scope: Scope) -> bool:
         """Whether it is a signal; what is wrong with it is reported."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.signals import SIGNALS
-from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, an
 
 from . import parse
 from . import syntax as ast
@@ -146,8 +146,10 @@ class Names:
         table = self.derived[name]
         operation, formals = operation_of(table), _formals(table)
         assert operation is not None
-        given = [self.operand_dimension(one) for one in operands_of(table)]
         spec = OPERATIONS[operation]
+        given = [
+            "ratio" if spec.of_state else self.operand_dimension(one) for one in operands_of(table)
+        ]
         if formals is None or None in given or not spec.least <= len(given) <= spec.most:
             return
         try:
@@ -177,17 +179,12 @@ def _derived(name: str, formals: tuple[str, ...], dimension: str) -> Signal:
     def measure(_: Any) -> Any:
         raise TypeError(f"{name}() is computed from other signals")
 
-    return Signal(name, dimension, formals, (), measure, "", groups=True, reads="")
+    return Signal(name, dimension, formals, (), measure, "", groups=True, reads="", since=True)
 
 
 def dimension_of(value: ast.Setting) -> str:
     """``length``, ``angle``, …; a duration is a ``time``."""
     return value.dimension if isinstance(value, ast.Quantity) else "time"
-
-
-def an(dimension: str) -> str:
-    """``a length``, ``an angle``."""
-    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
 def a_dimension(dimension: str) -> str:

@@ -9,13 +9,14 @@ from typing import Any, TypeVar
 
 from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
+from safestage_eval.units import an
 
 from . import parse
 from . import syntax as ast
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
-from .names import Names, Near, a_dimension, an, dimension_of, nearest
+from .names import Names, Near, a_dimension, dimension_of, nearest
 
 Read = tuple[str, str]
 """Kind and name of a definition: ``("state", "moved")``."""

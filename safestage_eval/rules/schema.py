@@ -195,7 +195,9 @@ def _key(key: Key) -> dict[str, Any]:
 
 
 def _operands(operation: OperationSpec) -> dict[str, Any]:
-    """A list of signals and constants, or just one signal."""
+    """A list of signals and constants, or just one signal; of ``holds`` a state."""
+    if operation.of_state:
+        return _text(parse.CALL)
     since = f"(?: since {parse.EVENT})?"
     one = _text(f"(?:{parse.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
     several = _list({"anyOf": [{"type": "number"}, one]})

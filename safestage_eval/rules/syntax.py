@@ -93,6 +93,10 @@ class SignalDef:
     """Option → value in SI, sorted by name."""
 
 
+Operand = SignalAtom | Quantity | Parameter | StateAtom
+"""What a signal is computed from."""
+
+
 @dataclass(frozen=True)
 class DerivedDef:
     """``[signal.NAME]`` with an operation: a signal computed from others, over formal arguments."""
@@ -100,9 +104,11 @@ class DerivedDef:
     name: str
     of: tuple[str, ...]
     operation: Operation
-    operands: tuple[SignalAtom | Quantity | Parameter, ...]
-    """Signals without limits, and constants."""
+    operands: tuple[Operand, ...]
+    """Signals without limits, and constants; of ``holds`` a state."""
     dimension: str
+    over: Duration | Parameter | None = None
+    """Of a derivative: the time within which the change is taken."""
 
 
 @dataclass(frozen=True)

@@ -134,10 +134,13 @@ def derived(found: ast.DerivedDef, params: ast.Params) -> str:
     said = [
         f"{one.call}{'' if one.since is None else f' since {event(one.since)}'}"
         if isinstance(one, ast.SignalAtom)
+        else str(one.call)
+        if isinstance(one, ast.StateAtom)
         else _bound(one, params)
         for one in found.operands
     ]
-    return f"{found.operation} of {' and '.join(said)}"
+    over = "" if found.over is None else f" within {duration(found.over, params)}"
+    return f"{found.operation} of {' and '.join(said)}{over}"
 
 
 def phase(found: ast.PhaseDef, params: ast.Params) -> str:

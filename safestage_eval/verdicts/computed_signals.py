@@ -7,18 +7,21 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from safestage_eval.evidence.interval_arithmetic import (
+    Ends,
     change_per_second,
+    change_within,
     combined,
     summed_over_time,
 )
 from safestage_eval.evidence.series import Series, exact
+from safestage_eval.evidence.spectral_arc import sparc
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.operations import OPERATIONS
-from safestage_eval.states.band import Bool
+from safestage_eval.states.band import Band, Bool
 
 from .answers import Answers
 from .costly import Costly
-from .values import Asked, Env
+from .values import Asked, Env, ends_early
 
 FAR = 1e3
 """M, up to where a distance is measured exactly that something is computed from."""
@@ -40,6 +43,10 @@ class ComputedSignals(Answers, ABC):
         self, measurement: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None
     ) -> Series:
         """(T,) the signal of an atom, of a measurement that is known already."""
+
+    @abstractmethod
+    def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
+        """A declared state or a built-in relation."""
 
     @abstractmethod
     def exempt(self, measurement: Asked) -> bool:
@@ -68,8 +75,14 @@ class ComputedSignals(Answers, ABC):
         if self.lacks_operand(computed, bodies):
             return exact(np.full(self.frames, -np.inf), computed.dimension, notes)
         t = self.episode.t
-        if operation == "derivative":
+        if operation == "derivative" and computed.over is not None:
+            ends = self._change_over(operands[0], computed.over)
+        elif operation == "derivative":
             ends = change_per_second(operands[0], t)
+        elif operation == "sparc":
+            ends = self._smoothness(operands[0], wanted)
+        elif operation == "holds":
+            ends = operands[0].lower, operands[0].upper
         elif operation == "integral":
             ends = summed_over_time(operands[0], t)
             lost = ~np.isfinite(ends[0]) | ~np.isfinite(ends[1])
@@ -80,9 +93,45 @@ class ComputedSignals(Answers, ABC):
             ends = combined(operation, operands)
         return Series(*ends, computed.dimension, notes)
 
-    def _operand(
-        self, operand: ast.SignalAtom | ast.Quantity | ast.Parameter, env: Env, wanted: Bool | None
-    ) -> Series:
+    def _change_over(self, of: Series, over: ast.Duration | ast.Parameter) -> Ends:
+        """Within that time around each sample; of a rollout that is still running, before it.
+
+        Where the trace stops before its rollout did, what lies half that time before its end is open.
+        """
+        given = self.duration(over)
+        seconds = given.amount * (self.episode.dt if given.frames else 1.0)
+        t = self.episode.t
+        if self.causal:
+            return change_within(of, t, seconds, 0.0)
+        lower, upper = change_within(of, t, seconds / 2, seconds / 2)
+        if not ends_early(self.episode):
+            return lower, upper
+        open_ = t + seconds / 2 > t[-1] * (1 + 1e-9)
+        return np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper)
+
+    def _smoothness(self, of: Series, wanted: Bool | None) -> Ends:
+        """SPARC of all that came before, at the wanted frames; not known behind what is not known."""
+        t, speed = self.episode.t, np.abs(of.upper)
+        known = np.logical_and.accumulate(np.isfinite(speed) & (of.lower == of.upper))
+        asked = known if wanted is None else known & wanted
+        even = t[0] + self.episode.dt * np.arange(len(t)) if not self.clock.uniform else t
+        lower, upper = np.full(self.frames, -np.inf), np.zeros(self.frames)
+        for frame in np.flatnonzero(asked):
+            some = speed[: frame + 1]
+            if even is not t:
+                some = np.interp(even[even <= t[frame] + 1e-9], t[: frame + 1], some)
+            found = sparc(some, self.episode.dt)
+            if found is not None:
+                lower[frame] = upper[frame] = found
+        return lower, upper
+
+    def _operand(self, operand: ast.Operand, env: Env, wanted: Bool | None) -> Series:
+        if isinstance(operand, ast.StateAtom):
+            band = self.state(operand.call, env, wanted)
+            sure = band.true.astype(np.float64)
+            if not band.unknown.any():
+                return Series(sure, sure, "ratio")
+            return Series(sure, (~band.false).astype(np.float64), "ratio")
         if isinstance(operand, ast.SignalAtom):
             return self.measured_series(self._of_operand(operand, env), operand, env, wanted)
         return exact(np.full(self.frames, self.number(operand, env)), "")
@@ -120,5 +169,5 @@ class ComputedSignals(Answers, ABC):
             return sum(known) if known else None
         if len(each) > 1:
             return np.inf
-        numbers = [n for n in computed.operands if not isinstance(n, ast.SignalAtom)]
+        numbers = [n for n in computed.operands if isinstance(n, ast.Quantity | ast.Parameter)]
         return known[0] * float(np.prod([abs(self.number(n, {})) for n in numbers]))

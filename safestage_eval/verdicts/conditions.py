@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval.evidence.interval_arithmetic import change_since
 from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
@@ -117,7 +118,7 @@ class Conditions(ComputedSignals, ABC):
     ) -> Series:
         """As ``series``, of a measurement that is known already."""
         computed = self.rules.derived.get(measurement.name)
-        if computed is not None:
+        if computed is not None and atom.since is None:
             return self.computed_series(computed, measurement.bodies, wanted)
         reference = when = None
         if atom.since is not None:
@@ -125,6 +126,13 @@ class Conditions(ComputedSignals, ABC):
 
         def measured(reference: Reference | None) -> Series:
             name, bodies, options, limits, reach = measurement
+            if computed is not None:
+                series = self.computed_series(computed, bodies, None)
+                if reference is None or reference.since is None:
+                    return series
+                return Series(
+                    *change_since(series, reference.since), series.dimension, series.notes
+                )
             return self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
 
         hidden = when is not None and atom.since is not None and hidden_start.concerns(atom.since)

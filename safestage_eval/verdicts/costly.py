@@ -8,6 +8,7 @@ from typing import TypeVar
 from safestage_eval.evidence.declare import is_costly as is_costly_name
 from safestage_eval.evidence.declare import is_gate
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.operations import OPERATIONS
 
 Part = ast.Atom | ast.Alternative
 AnyPart = TypeVar("AnyPart", ast.Atom, ast.Alternative)
@@ -66,11 +67,13 @@ class Costly:
         return 1 + self.depth(declared.when) + (declared.until is not None)
 
     def _of_computed(self, computed: ast.DerivedDef) -> int:
-        signals = [one for one in computed.operands if isinstance(one, ast.SignalAtom)]
-        return max(map(self.depth, signals), default=0)
+        atoms = (ast.SignalAtom, ast.StateAtom)
+        signals = [one for one in computed.operands if isinstance(one, atoms)]
+        itself = int(OPERATIONS[computed.operation].costly)
+        return max(itself, *map(self.depth, signals))
 
     def computed(self, computed: ast.DerivedDef) -> bool:
-        """It is computed from something costly."""
+        """It is costly, or computed from something that is."""
         return self._of_computed(computed) > 0
 
     def sorted(self, parts: Sequence[AnyPart]) -> list[AnyPart]:

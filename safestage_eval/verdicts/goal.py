@@ -187,7 +187,7 @@ class GoalMonitor:
     def _looks_far_back(self, name: str) -> bool:
         computed = self._rules.derived.get(name)
         if computed is not None:
-            return computed.operation == "integral"
+            return computed.operation in ("integral", "sparc")
         variant = self._rules.signals.get(name)
         return SIGNALS[name if variant is None else variant.base].far_back
 
@@ -208,8 +208,9 @@ class GoalMonitor:
                 if isinstance(node, ast.Call) and node.name in {*self._rules.derived} - seen:
                     seen.add(node.name)
                     todo.append(self._rules.derived[node.name])
-                    if self._rules.derived[node.name].operation == "derivative":
-                        durations.append(ast.Duration(1, frames=True))
+                    computed = self._rules.derived[node.name]
+                    if computed.operation == "derivative":
+                        durations.append(computed.over or ast.Duration(1, frames=True))
                 if isinstance(node, ast.Call) and node.name in self._rules.states:
                     state = self._rules.states[node.name]
                     if state.until is not None:

@@ -124,7 +124,8 @@ class Look:
         if isinstance(atom, ast.SignalAtom):
             computed = self._rules.derived.get(atom.call.name)
             if computed is not None:
-                return self._computed(computed)
+                found = self._computed(computed)
+                return found if atom.since is None else latest([found, self._event(atom.since)])
             variant = self._rules.signals.get(atom.call.name)
             signal = SIGNALS[atom.call.name if variant is None else variant.base]
             if self._blind and signal.by_motion:
@@ -144,9 +145,12 @@ class Look:
         return self._state(atom.call)
 
     def _computed(self, computed: ast.DerivedDef) -> Foresight:
-        """The first derivative is that of the second sample."""
-        parts = [self._atom(one) for one in computed.operands if isinstance(one, ast.SignalAtom)]
-        return latest(parts).then(self._dt if computed.operation == "derivative" else 0.0)
+        """The first derivative is that of the second sample; others look half their time ahead."""
+        atoms = (ast.SignalAtom, ast.StateAtom)
+        parts = [self._atom(one) for one in computed.operands if isinstance(one, atoms)]
+        over = 0.0 if computed.over is None else self.seconds(computed.over) / 2
+        usual = self._dt if computed.operation == "derivative" else 0.0
+        return latest(parts).then(max(over, usual))
 
     def _state(self, call: ast.Call) -> Foresight:
         state = self._rules.states.get(call.name)

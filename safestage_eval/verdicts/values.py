@@ -182,7 +182,7 @@ def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
             for one in derived.operands
             if isinstance(one, ast.SignalAtom)
         ]
-        return Meant(call, call.name, call.args, (), (), max(scales))
+        return Meant(call, call.name, call.args, (), (), max(scales, default=1.0))
     variant = rules.signals.get(call.name)
     spec = SIGNALS[variant.base if variant is not None else call.name]
     given = dict(variant.options) if variant is not None else {}

@@ -129,6 +129,10 @@ def _of_computed(computed: ast.DerivedDef, rules: RuleSet) -> Iterator[Mistake]:
     other = _MISTAKEN.get(computed.operation)
     if other is not None and len(operands) <= OPERATIONS[other].most:
         others.append(("operator", replace(computed, operation=other)))
+    if computed.over is not None:
+        for _, over in _of_duration(computed.over, place, 1):
+            if over.amount:
+                others.append(("duration", replace(computed, over=over)))
     if computed.operation == "difference":
         others.append(("operator", replace(computed, operands=operands[::-1])))
     for i, operand in enumerate(operands):
@@ -136,8 +140,10 @@ def _of_computed(computed: ast.DerivedDef, rules: RuleSet) -> Iterator[Mistake]:
         signals = [one for one in rest if isinstance(one, ast.SignalAtom)]
         if len(rest) >= OPERATIONS[computed.operation].least and signals:
             others.append(("obligation", replace(computed, operands=rest)))
-        if isinstance(operand, ast.SignalAtom):
+        if isinstance(operand, ast.SignalAtom | ast.StateAtom):
             for kind, text, changed in _of_tree(operand, place):
+                if kind == "truth":
+                    continue  # whether it holds is the signal's value
                 with_it = (*operands[:i], changed, *operands[i + 1 :])
                 yield Mistake(kind, text, replace(computed, operands=with_it))
             continue

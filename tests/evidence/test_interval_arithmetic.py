@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from safestage_eval.evidence.interval_arithmetic import (
     change_per_second,
+    change_since,
+    change_within,
     combined,
     summed_over_time,
 )
@@ -103,3 +105,77 @@ def test_the_integral_of_a_derivative_is_the_change(values, steps):
     rate, _ = change_per_second(exact(values, "length"), t)
     found, _ = summed_over_time(exact(rate, "speed"), t)
     assert found == pytest.approx(np.array(values) - values[0], abs=1e-9)
+
+
+@settings(deadline=None, max_examples=300)
+@given(INTERVAL, INTERVAL)
+def test_a_quotient_and_a_root_are_their_own_on_every_choice(over, under):
+    """Where the divisor may be 0, or the root of a negative number be asked for, nothing is known."""
+    first, second = series([over]), series([under])
+    low, high = combined("quotient", [first, second])
+    if under[0] <= 0 <= under[1]:
+        assert (low[0], high[0]) == (-np.inf, np.inf)
+    else:
+        corners = [a / b for a in over for b in under]
+        assert (low[0], high[0]) == (pytest.approx(min(corners)), pytest.approx(max(corners)))
+    low, high = combined("root", [first])
+    if over[0] < 0:
+        assert (low[0], high[0]) == (-np.inf, np.inf)
+    else:
+        assert (low[0], high[0]) == (
+            pytest.approx(math.sqrt(over[0])),
+            pytest.approx(math.sqrt(over[1])),
+        )
+    unknown = series([(-np.inf, np.inf)])
+    for found in (combined("quotient", [unknown, second]), combined("root", [unknown])):
+        assert (found[0][0], found[1][0]) == (-np.inf, np.inf)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.floats(-3, 3), min_size=3, max_size=30), st.integers(1, 5))
+def test_a_change_within_a_time_is_the_central_difference(values, reach):
+    """Over two samples it is NumPy's gradient, at the ends of the recording too."""
+    t = np.arange(len(values)) / 15
+    low, high = change_within(exact(values, "length"), t, 1 / 15, 1 / 15)
+    assert low is high
+    assert low == pytest.approx(np.gradient(np.array(values), 1 / 15), abs=1e-9)
+    line = exact(2.5 * t, "length")
+    assert change_within(line, t, reach / 15, reach / 15)[0] == pytest.approx(np.full(len(t), 2.5))
+    assert change_within(line, t, reach / 15, 0.0)[0][1:] == pytest.approx(2.5)
+
+
+def test_a_change_within_a_time_is_not_known_beside_what_was_not_seen() -> None:
+    """Nor where samples lie further apart than half the time."""
+    t = np.arange(8) / 10
+    intervals = [(k, k) for k in range(8)]
+    intervals[4] = (-np.inf, np.inf)
+    low, high = change_within(series(intervals), t, 0.1, 0.1)
+    assert np.isfinite(low).tolist() == [k not in (3, 4, 5) for k in range(8)]
+    assert np.isposinf(high[3:6]).all()
+    sparse = np.array([0.0, 0.1, 0.2, 0.5, 0.6])
+    low, _ = change_within(exact(np.arange(5.0), "length"), sparse, 0.1, 0.1)
+    assert np.isfinite(low).tolist() == [True, True, False, False, True]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(NUMBER, min_size=6, max_size=6), st.data())
+def test_noise_in_positions_comes_out_by_its_window(values, data):
+    """Three changes within w of positions that are off by e are off by no more than 8 e / w³."""
+    t, off = np.arange(60) / 30, 1e-3
+    window = data.draw(st.sampled_from([2 / 30, 4 / 30, 8 / 30]))
+    rng = np.random.default_rng(int(sum(values)) % 7)
+    found = exact(rng.uniform(-off, off, len(t)), "length")
+    for _ in range(3):
+        found = exact(change_within(found, t, window / 2, window / 2)[0], "length")
+    inner = found.lower[30:-24]
+    assert np.abs(inner).max() <= 8 * off / window**3 * (1 + 1e-9)
+
+
+def test_a_change_since_a_frame() -> None:
+    of = series([(1, 1), (2, 3), (4, 4), (5, 5)])
+    low, high = change_since(of, np.array([-1, -1, 1, 1]))
+    assert low.tolist() == [0, 1, 1, 2]
+    assert high.tolist() == [0, 2, 2, 3]
+    known = change_since(exact([1.0, 2.0, 4.0], "length"), np.array([0, 1, 1]))
+    assert known[0].tolist() == [0, 0, 2]
+    assert known[0] is known[1]

@@ -43,6 +43,18 @@ from safestage_eval.units import (
         ("magnitude", ["force", "force", "force"], "force"),
         ("abs", ["angle"], "angle"),
         ("min", ["temperature", "temperature"], "temperature"),
+        ("quotient", ["length", "length"], "ratio"),
+        ("quotient", ["number", "ratio"], "number"),
+        ("quotient", ["power", "force"], "speed"),
+        ("product", ["jerk", "jerk"], "squared jerk"),
+        ("root", ["squared jerk"], "jerk"),
+        ("root", ["area"], "length"),
+        ("root", ["ratio"], "ratio"),
+        ("integral", ["squared jerk"], "integrated squared jerk"),
+        ("integral", ["squared angular jerk"], "integrated squared angular jerk"),
+        ("sparc", ["speed"], "number"),
+        ("sparc", ["rate"], "number"),
+        ("holds", ["ratio"], "ratio"),
     ],
 )
 def test_the_dimension_of_a_result(operation, given, found):
@@ -60,6 +72,10 @@ def test_the_dimension_of_a_result(operation, given, found):
         ("product", ["force", "force"]),
         ("derivative", ["jerk"]),
         ("integral", ["angle"]),
+        ("root", ["length"]),
+        ("root", ["speed"]),
+        ("quotient", ["temperature", "time"]),
+        ("sparc", ["temperature"]),
     ],
 )
 def test_what_has_no_dimension_is_refused(operation, given):
