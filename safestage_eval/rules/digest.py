@@ -22,7 +22,7 @@ _UNORDERED = {"atoms", "alternatives", "limits", "roles", "excluding", "charge"}
     kind for kind, clause in CLAUSES.items() if clause.value == "alternatives"
 }
 """Fields whose order says nothing."""
-_LATER = {"perhaps", "also", "below", "whole", "named"} | (
+_LATER = {"perhaps", "also", "below", "whole", "named", "over"} | (
     CLAUSES.keys() - {"require", "forbid", "reach"}
 )
 """Fields that came into the language later: where they are not used, a digest is what it was."""
