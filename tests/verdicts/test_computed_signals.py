@@ -20,7 +20,7 @@ from safestage_eval.report.rule_report import explain_rule, rule_facts
 from safestage_eval.rules.check import check
 from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.load import RuleFile, merge
-from safestage_eval.rules.syntax import Quantity, RuleSet
+from safestage_eval.rules.syntax import Duration, Quantity, RuleSet
 from safestage_eval.rules.uses import own_params, uses_of
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.ask import ask
@@ -575,3 +575,84 @@ def test_mistakes_in_new_operations_are_reported(text, code) -> None:
     whole = FILE + f"[signal.s]\n{text}\n" + ONE + 'require = { "s(a)" = "<= 1" }\n'
     file = RuleFile("test.toml", whole, tomllib.loads(whole), asked=True)
     assert code in {one.code for one in check([file])}
+
+
+@pytest.mark.parametrize(
+    ("condition", "param", "value"),
+    [
+        ('"jerk(a)" = "<= limit"', "limit", Quantity(0.5, "jerk")),
+        ('"smooth(a)" = "<= limit"', "limit", Quantity(1.0, "number")),
+        ('"way(a) since far(a)" = "<= limit"', "limit", Quantity(1.0, "length")),
+        ('"share(a)" = "<= limit"', "limit", Quantity(0.5, "ratio")),
+        ('"is_far(a)" = "<= 50 %"', "remote", Quantity(2.0, "length")),
+        ('"way(a) since far(a)" = "<= 3 m"', "remote", Quantity(2.0, "length")),
+        ('"jerk(a)" = "<= 59 cm/s^3"', "window", Duration(0.1)),
+    ],
+)
+def test_flip_values_of_what_new_operations_compute(condition, param, value) -> None:
+    """Wherever a verdict is told for a value of a parameter, judging with that value says the same."""
+    episode = cubic(60.0)
+    unit = {"jerk": "m/s^3", "number": "", "length": "m", "ratio": "%", "time": "s"}
+    dimension = value.dimension if isinstance(value, Quantity) else "time"
+    held = f"{value.value if isinstance(value, Quantity) else value.amount:g} {unit[dimension]}".strip()
+    text = SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n[param]\n"
+    text += f'{param} = "{held}"\n' if unit[dimension] else f"{param} = {held}\n"
+    if param == "remote":
+        text = text.replace(">= 1 m", ">= remote")
+    if param == "window":
+        text = text.replace('over = "2 frames @ 15 Hz"', 'over = "window"')
+    found = rules(text)
+    rule, again = found.rules["ETS901"], Again(episode, found)
+    pieces = pieces_of(again.base(rule)[0], rule, {"a": ("a",)}, param, 1.0)
+    told = 0
+    for piece in pieces:
+        if piece.verdict is None:
+            continue
+        for at in (piece.low, piece.high, (piece.low + min(piece.high, 10)) / 2):
+            if not piece.low < at < min(piece.high, 10):
+                continue
+            said = Duration(at) if param == "window" else Quantity(at, dimension)
+            verdict = again.under(again.base(rule)[0], rule, {param: said})
+            assert verdict.verdict == piece.verdict, (piece, at)
+            told += 1
+    assert told or param == "window" or "is_far" in condition  # those are found by trying values
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        '"jerk(a)" = "<= 50 cm/s^3"',
+        '"v(a)" = "<= 2 m/s"',
+        '"smooth(a)" = ">= -3"',
+        '"way(a) since far(a)" = "<= 1 m"',
+        '"is_far(a)" = "<= 50 %"',
+        '"share(a)" = "<= 50 %"',
+    ],
+)
+def test_the_monitor_agrees_on_what_new_operations_compute(condition) -> None:
+    """It tells nothing that judging the finished rollout does not, and misses nothing."""
+    episode = cubic(60.0, seconds=3.0)
+    found = rules(SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n")
+    so_far = growing(episode)
+    monitor = Monitor(episode.header, found, assigned_only=False)
+    for frames in range(6, len(episode) + 1, 6):
+        so_far.frames = min(frames, len(episode))
+        monitor.update(so_far, so_far.success_time)
+    offline = {v.rule: v for v in judge(episode, found).verdicts}["ETS901"]
+    assert (offline.verdict == "violation") == ("ETS901" in monitor.violations)
+
+
+def test_mutants_change_windows_and_what_holds() -> None:
+    found = rules(SMOOTH + ALL)
+    said = {name: " ".join(m.what for m in mutants_in(found, name)) for name in ("v", "is_far")}
+    assert "within" in said["v"]
+    assert "→" in said["v"]
+
+
+def test_a_window_is_part_of_a_digest() -> None:
+    digests = set()
+    for over in ('over = "100 ms"\n', 'over = "0.1 s"\n', 'over = "0.2 s"\n', ""):
+        found = rules(SMOOTH.replace('over = "2 frames @ 15 Hz"\n', over) + ALL)
+        rule = found.rules["ETS903"]
+        digests.add(rule_digest(found, rule, own_params(found, rule)))
+    assert len(digests) == 3
