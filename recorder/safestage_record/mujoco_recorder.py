@@ -166,18 +166,18 @@ class MujocoRecorder(RolloutRecorder):
 
     def _read_joints(self) -> tuple[Any, Any]:
         qpos, qvel = self._coordinates
-        return qpos.copy(), qvel.copy()
+        return qpos.tobytes(), qvel.tobytes()
 
     def _look(self) -> tuple[Any, ...]:
-        """Copy what the data show: moment, poses, velocities, joints, contacts."""
+        """Copy what the data show, as bytes: moment, poses, velocities, joints, contacts."""
         xpos, xquat, cvel, com, torque = self._views
         return (
             self._moment,
-            xpos.copy(),
-            xquat.copy(),
-            cvel.copy(),
-            com.copy(),
-            torque.copy(),
+            xpos.tobytes(),
+            xquat.tobytes(),
+            cvel.tobytes(),
+            com.tobytes(),
+            torque.tobytes(),
             self._joint_state,
             self._contact_log.copy(),
         )
@@ -208,21 +208,27 @@ class MujocoRecorder(RolloutRecorder):
         return self._still
 
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
-        position, quat, cvel, com, torque, joints = zip(*frames)
+        *columns, joints = zip(*frames)
+        position, quat, cvel, com, torque = map(_stacked, columns, self._views)
+        q, v = map(_stacked, zip(*joints), self._coordinates)
         moving, scene = self._scene.movable, self._scene
         if not self._log.begun:
             self._still = (position[0][scene.fixed], quat[0][scene.fixed])
-        place, speed = np.array(position)[:, moving], np.array(cvel)[:, moving]
+        place, speed = position[:, moving], cvel[:, moving]
         # cvel is the velocity of the point of the body that is at the tree's centre of mass
-        arm = place - np.array(com)[:, self._model.body_rootid[moving]]
-        q, v = (np.array(values) for values in zip(*joints))
+        arm = place - com[:, self._model.body_rootid[moving]]
         return {
             "position": place,
-            "orientation": np.array(quat)[:, moving],
+            "orientation": quat[:, moving],
             "linear_velocity": speed[..., 3:] + np.cross(speed[..., :3], arm),
             "angular_velocity": speed[..., :3],
             "joint_position": q[:, scene.joint_qpos],
             "joint_velocity": v[:, scene.joint_dof],
-            "joint_torque": np.array(torque)[:, scene.joint_dof],
+            "joint_torque": torque[:, scene.joint_dof],
             "gripper": self._opening.at(q),
         }
+
+
+def _stacked(copies: Sequence[bytes], view: Any) -> Any:
+    """(T, …) of the bytes of an array at T frames."""
+    return np.frombuffer(b"".join(copies)).reshape(len(copies), *view.shape)
