@@ -23,6 +23,9 @@ LEAST_GAP = 0.05
 LONGEST_GAP = 0.5
 """S; a longer spacing is a hole at any rate: so rare pictures are no recording of a motion."""
 
+SURELY = 2
+"""Samples: of one that is far from its neighbours nobody knows how long what it shows lasted."""
+
 ROUNDING = 1e-6
 """Share of a spacing that a duration may be short of and still counts as reached."""
 
@@ -43,7 +46,7 @@ class Window:
             before each boundary; may be negative.
         since: (T,) as ``backs``, as far as can be said when the sample is taken.
         loose: the window of the shortest run of samples that may have lasted as long; itself
-            where that is not told apart.
+            where that is not told apart: at rates at which a sample more or less does not matter.
     """
 
     def __init__(
@@ -186,6 +189,16 @@ class Clock:
         """The samples that a duration takes, from each on: at least so long, and so many."""
         return self._once(lasting, False)
 
+    def surely(self, lasting: Lasting) -> Window:
+        """The samples that show that something lasted so long, where they are far apart.
+
+        From the first to the last of them; of a few samples of a faster clock two will do.
+        """
+        seconds, samples, brief = lasting
+        if seconds is not None and not brief:
+            seconds += self.dt
+        return self.window(Lasting(seconds, max(samples, SURELY), brief))
+
     def gap(self, lasting: Lasting) -> Window:
         """The samples of the shortest gap that is too long to be closed, from each sample on."""
         return self._once(lasting, True)
@@ -203,11 +216,15 @@ class Clock:
         if seconds is None:
             return Window(samples + gap)
         frames = max(samples, math.ceil(seconds / self.dt - ROUNDING)) + gap
-        if not brief or gap:
+        if gap or not self._doubtful(brief):
             return Window(frames)
         # k samples lasted less than (k + 1) dt
         perhaps = max(1, math.floor(seconds / self.dt * (1 + EVEN) + ROUNDING))
         return Window(frames, loose=Window(perhaps) if perhaps < frames else None)
+
+    def _doubtful(self, brief: bool) -> bool:
+        """Only bounds are known of how long a run of samples lasted, and they matter."""
+        return brief or bool(self.coarse.any())
 
     def _stamped(self, lasting: Lasting, gap: bool) -> Window:
         """On any other clock it takes those that its time stamps say."""
@@ -241,7 +258,7 @@ class Clock:
         since = np.searchsorted(t, t + self.dt - seconds + slack, side="right") - 1
         since, backs = np.minimum(backs, since), np.minimum(backs, begun[1:])
         loose = None
-        if brief:
+        if self._doubtful(brief):
             # the run began after the sample before it, and ended before the one behind it
             last = np.append(t[0] - self.dt, t[:-1])
             perhaps = np.searchsorted(bounds, last + seconds + slack, side="right")

@@ -60,6 +60,16 @@ def edges(truth: Truth, edge: str) -> Truth:
     return Truth(first.sure & ~second.possible, first.possible & ~second.sure)
 
 
+def begun_between(truth: Truth, coarse: Bool) -> Truth:
+    """The frames of an event; perhaps also those before them, where it came after such a one.
+
+    ``coarse`` (T,): much may happen up to the next sample, so that what the one before the event shows
+    may have been so when it came.
+    """
+    before = np.append(truth.possible[1:], False) & coarse & ~truth.possible
+    return Truth(truth.sure, truth.possible | before) if before.any() else truth
+
+
 def starts(truth: Truth) -> list[Moment]:
     """The beginnings of the stretches in which something holds, in order.
 

@@ -246,6 +246,8 @@ class Conditions(ComputedSignals, ABC):
             truth = moment.edges(self._signs_at(call, env, widened(wanted, 1)), edge)
         else:
             truth = self.truth(alternative, env)
+        if edge is not None and not self.causal:
+            truth = moment.begun_between(truth, self.clock.coarse)
         return band.crisp(truth.sure, truth.sure == truth.possible)
 
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:

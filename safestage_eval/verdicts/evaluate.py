@@ -17,9 +17,6 @@ from . import between_samples
 from .partial_states import PartialStates
 from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
 
-SURELY = 2
-"""Samples: of one that is far from its neighbours nobody knows how long what it shows lasted."""
-
 
 class Evaluator(PartialStates):
     """The rule language's meaning on one episode, under one set of parameter values.
@@ -199,11 +196,9 @@ class Evaluator(PartialStates):
         if state.for_ is None or not self.clock.coarse.any():
             return lasts
         coarse, lower, upper = self.clock.coarse, lasts.lower, lasts.upper
-        if window.frames < SURELY:
-            duration = lasting(self.duration(state.for_))
-            strict = self.clock.window(duration._replace(samples=SURELY))
-            surely = self._lasting(state, found, strict).lower
-            lower = np.where(coarse, np.minimum(lower, surely), lower)
+        strict = self.clock.surely(lasting(self.duration(state.for_)))
+        surely = self._lasting(state, found, strict).lower
+        lower = np.where(coarse, np.minimum(lower, surely), lower)
         if window.loose is not window:
             perhaps = self._lasting(state, found, window.loose).upper
             upper = np.where(coarse, np.maximum(upper, perhaps), upper)

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from safestage_eval.episode import Clock
+from safestage_eval.episode.clock import SURELY
 from safestage_eval.errors import RuleError
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import F64, Band, Bool
 
-from .evaluate import SURELY, Evaluator
+from .evaluate import Evaluator
 from .values import Env, lasting
 
 

@@ -1,7 +1,14 @@
 """What may have happened between two samples that are more than 50 ms apart is not excluded."""
 
+import numpy as np
 import pytest
+from resampled import resampled
 from toy import Facts, judge_toy, series
+
+from safestage_eval.rules import load_rules
+from safestage_eval.rules.files import builtin_folder
+from safestage_eval.sketch import resolve
+from safestage_eval.verdicts import judge
 
 BOTH = 'given = { any = ["q(b)", { "q(b)" = false }] }'
 STATE = '[state.s]\nof = ["x"]\nwhen = {{ "height(x)" = ">= 0 m" }}\nfor = "{}"\n'
@@ -48,3 +55,47 @@ def test_what_shows_in_one_sample_may_have_been_long_enough(rate, verdict):
         f"{STATE.format('3 frames @ 120 Hz')}"
     )
     assert judged("00100000", "00100000", rule, rate)[0] == verdict
+
+
+@pytest.mark.parametrize(("rate", "samples"), [(2.4, 1), (5.0, 2), (5.0, 3), (10.0, 5)])
+def test_a_run_of_samples_that_may_have_lasted_leaves_it_open(rate, samples):
+    """k samples show more than k − 1 and less than k + 1 spacings; s must last for half a second."""
+    rule = f'forbid = "s(a)"\n{STATE.format("0.5 s")}'
+    shown = "000" + "1" * samples + "000"
+    assert judged(shown, "0" * len(shown), rule, rate)[0] == "inconclusive"
+    brief, long = int(0.5 * rate) - 1, int(0.5 * rate) + 2
+    assert judged("0001" + "0" * 6, "0" * 10, rule, 5.0)[0] == "pass"  # less than 0.4 s
+    for many, verdict in ((brief, "pass"), (long, "violation")):
+        shown = "000" + "1" * max(many, 0) + "000"
+        assert judged(shown, "0" * len(shown), rule, rate)[0] == verdict
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [(10.0, "inconclusive"), (120.0, "pass")])
+def test_which_of_two_events_between_the_same_samples_came_first_is_not_known(rate, verdict):
+    rule = f'forbid = {{ any = ["start of p(a)"], "q(b)" = false }}\n{BOTH}'
+    assert judged("0001111", "0001111", rule, rate)[0] == verdict
+    assert judged("0001111", "0011111", rule, rate)[0] == "pass"
+    assert judged("0001111", "0000111", rule, rate)[0] == "violation"
+
+
+RARE = [
+    ("ISH101", "can_wobbles_under_bottle(lasts = 0.6)"),
+    ("ISH101", "jolted(can = 2.5, back = 1.6)"),
+    ("ISH101", "can_goes_as_bottle_is_set_down(when = 0.6)"),
+    ("ISH101", "bottle_shoved_onto_box"),
+    ("ISH101", "bottle_shoved_onto_box(spin = 3, pause = 1)"),
+    ("ISH104", "tray_tipped(angle = 11, lasts = 0.7)"),
+    ("FSH106", "creeping_after_success(until = 8.4)"),
+]
+
+
+@pytest.mark.parametrize(("rule", "name"), RARE)
+def test_drawn_scenes_recorded_rarely_never_get_the_opposite_verdict(rule, name):
+    whole = resolve(name, [builtin_folder() / "examples"])
+    step = round(0.41 / whole.dt)
+    rare = resampled(whole, np.arange(0, len(whole), step), frame_dt=step * whole.dt)
+    rules = load_rules([rule[:3].lower()])
+    certain, less = ({v.rule: v.verdict for v in judge(e, rules).verdicts}[rule]
+                     for e in (whole, rare))  # fmt: skip
+    assert certain in ("violation", "pass")
+    assert less in (certain, "inconclusive")
