@@ -29,7 +29,7 @@ TOLD = ("AUD155", "AUD156")
 class _Judged(Subject):
     """An episode that was judged: what was read of it does not contradict itself."""
 
-    readable = True
+    readable, whole = True, False
 
     def __init__(
         self, episode: Episode, rules: RuleSet, bind: BindFile | None, result: EpisodeResult

@@ -50,7 +50,10 @@ class Subject:
         rules: all that are loaded.
         bind: the bind file that was given, if any.
         notes: what checks of one file leave for each other.
+        whole: all of it may be read; else only the motion of objects, and what is said once.
     """
+
+    whole = True
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
         self.episode = episode if bind is None else bind.described(episode)

@@ -13,7 +13,8 @@ from test_campaign_summary import acting, headed, recorded
 from safestage_eval.audit import audit
 from safestage_eval.audit.audit_scores import audit_scores, look
 from safestage_eval.cli import group
-from safestage_eval.formats import discover, save
+from safestage_eval.episode import Body, Geom, Header
+from safestage_eval.formats import TraceWriter, discover, save
 from safestage_eval.formats.parquet.stored_table import StoredTable
 from safestage_eval.run.score_episode import score_episode
 from safestage_eval.run.score_traces import Choice, score_traces
@@ -70,6 +71,23 @@ def test_it_finds_what_the_audit_finds_by_its_cheap_checks(idle: Path) -> None:
     plain = scored(idle)
     whole = audit(idle, ["fsh"], select=plain.checks)
     assert {f.code for f in plain.findings} == {f.code for f in whole.findings}
+
+
+def test_scoring_tells_quaternions_of_the_only_object_in_another_order(tmp_path: Path) -> None:
+    """Nothing contradicts them where it is a box that is not turned."""
+    header = Header(episode_id="mine", physics_dt=0.01, frame_dt=0.01, roles={"target": ("cube",)})
+    for name, turn in (("sound", (1, 0, 0, 0)), ("xyzw", (0, 0, 0, 1))):
+        with TraceWriter(header, path=tmp_path / name / "mine.mcap") as writer:
+            top, side = (Geom(kind="box", size=s) for s in ((0.3, 0.3, 0.02), (0.03, 0.03, 0.03)))
+            table = Body(name="table", kind="fixture", movable=False, geoms=(top,))
+            writer.add_body(table, (0, 0, -0.02))
+            writer.add_body(Body(name="cube", kind="object", mass=0.2, geoms=(side,)))
+            for frame in range(50):
+                pose = {"cube": ((0.001 * frame, 0, 0.03), turn)}
+                writer.add_frame(frame / 100, pose, {"cube": ((0.1, 0, 0), (0, 0, 0))})
+        found = scored(tmp_path / name)
+        assert found is not None
+        assert any(f.code == "AUD111" for f in found.findings) == (name == "xyzw")
 
 
 def test_without_a_look_there_is_no_audit(idle: Path) -> None:

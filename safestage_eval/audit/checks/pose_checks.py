@@ -92,6 +92,7 @@ def _unit(size: float) -> str:
     example="(0, 0, 0, 1) for a body that is not turned",
     issue="isaac-sim/IsaacLab#5754",
     unless=("AUD101",),
+    cheap=True,
 )
 def quaternion_order(subject: Subject) -> Iterator[Defect]:
     """Compares orientations with angular velocities and contacts, and counts bodies at (0, 0, 0, ±1).
@@ -102,15 +103,8 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
     yield from subject.explained("AUD111")
     if subject.diagnosis.repair is not None or not subject.readable:
         return
-    first = {
-        body.name: subject.track(body.name).orientation[0]
-        for body in subject.header.bodies
-        if body.name in subject.episode.tracks
-    }
-    last = [name for name, q in first.items() if abs(q[3]) > 1 - 1e-6]
-    upright = [name for name, q in first.items() if abs(q[0]) > 1 - 1e-6]
     [alone] = moving if len(moving := [b.name for b in subject.objects]) == 1 else [""]
-    if alone in last and (abs(subject.track(alone).orientation) == (0, 0, 0, 1)).all():
+    if alone and (abs(subject.track(alone).orientation) == (0, 0, 0, 1)).all():
         yield Defect(
             f"{alone!r} is at exactly (0, 0, 0, 1): as w, x, y, z that is half a turn about z.",
             "write quaternions as w, x, y, z; a body that is not turned is at (1, 0, 0, 0)",
@@ -120,6 +114,15 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
             severity="warning",
         )
         return
+    if not subject.whole:
+        return
+    first = {
+        body.name: subject.track(body.name).orientation[0]
+        for body in subject.header.bodies
+        if body.name in subject.episode.tracks
+    }
+    last = [name for name, q in first.items() if abs(q[3]) > 1 - 1e-6]
+    upright = [name for name, q in first.items() if abs(q[0]) > 1 - 1e-6]
     if len(last) < 2 or upright:
         return
     yield Defect(
