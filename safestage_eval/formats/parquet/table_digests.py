@@ -23,7 +23,7 @@ from safestage_eval.formats.checksum import crc32
 from safestage_eval.formats.digests import Seal, crc
 
 from .arrow_tables import TABLES
-from .arrow_values import raw_values
+from .arrow_values import flat_values, raw_values
 from .row_index import Names, Run, runs_of
 
 DIGESTED_TABLES = ("bodies", "contacts", "frames", "channels")
@@ -46,8 +46,8 @@ def digested_columns(table: str) -> tuple[str, ...]:
 def flat_numbers(column: pa.ChunkedArray) -> NDArray[Any]:
     """Return the numbers of a column, those of lists one after the other."""
     lists = pa.types.is_list(column.type) or pa.types.is_large_list(column.type)
-    chunks = [chunk.flatten() if lists else chunk for chunk in column.chunks]
-    parts = [raw_values(chunk) for chunk in chunks if len(chunk)]
+    some = [chunk for chunk in column.chunks if len(chunk)]
+    parts = [flat_values(chunk) if lists else raw_values(chunk) for chunk in some]
     if not parts:
         return np.zeros(0, np.float32)
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

@@ -18,6 +18,7 @@ from safestage_eval.formats.trace_files import regular_status
 from safestage_eval.size_limits import current
 
 from .arrow_tables import arrow_file, columns_of
+from .arrow_values import decoded
 from .column_chunks import Chunk, read_chunks, read_chunks_of
 from .row_index import RowIndex, load_row_index
 
@@ -265,19 +266,21 @@ class TableFile:
 
     def _unfolded(self, table: pa.Table, texts: Sequence[str], shared: frozenset[str]) -> pa.Table:
         """Give each row its own text, unless that takes too much room. Raises TraceError."""
-        import pyarrow.compute as pc
-
         total = 0
         folded = [name for name in table.column_names if name in shared or name in texts]
         for chunk in (chunk for name in folded for chunk in table[name].chunks):
             if isinstance(chunk, pa.DictionaryArray) and _is_text(chunk.dictionary.type):
+                if len(chunk) * chunk.dictionary.nbytes <= SMALL:
+                    continue
+                import pyarrow.compute as pc
+
                 lengths = pc.binary_length(chunk.dictionary)
                 if len(chunk) * (pc.max(lengths).as_py() or 0) > SMALL:
                     total += pc.sum(lengths.take(chunk.indices)).as_py() or 0
                     current().demand_decoded(total, self._size, str(self.path))
         for name in texts:
             plain = [
-                chunk.dictionary_decode() if isinstance(chunk, pa.DictionaryArray) else chunk
+                decoded(chunk) if isinstance(chunk, pa.DictionaryArray) else chunk
                 for chunk in table[name].chunks
             ]
             kind = table[name].type
