@@ -68,7 +68,7 @@ class _Room(NamedTuple):
         first, many: (P,) where each hull begins in ``corners``, and how many corners it has.
         solid_first, solid_many, box: the same of the hulls that have an area and may matter, and
             (P, 4) what they lie in.
-        covered: (P, 2).
+        covered: (P, 4), as ``polygon.covers`` takes it.
         cut, other: (C, 2) m, a polygon that is being clipped.
     """
 
@@ -100,7 +100,7 @@ class _Room(NamedTuple):
             np.zeros(count, np.int64),
             np.zeros(count, np.int64),
             np.empty((count, 4)),
-            np.empty((count, 2)),
+            np.zeros((count, 4)),
             np.empty((4 * most + 8, 2)),
             np.empty((4 * most + 8, 2)),
         )
@@ -123,11 +123,10 @@ def _shares(
             _cast(under, under_at, under_turn, r, room, upper, over.vertices.shape[0])
         solid = 0
         for p in range(upper):
-            solid = _take(room, p, solid)
+            solid = _take(room, p, 0, solid)
         if every == upper + 1 and _spread(room, solid) and _within(room, upper):
             share[r] = 1.0
             continue
-        bounds(room.corners, room.solid_first[:solid], room.solid_many[:solid], room.box)
         area = _union_area(room, 0, solid)
         if not area > 0.0:
             share[r] = math.nan
@@ -137,9 +136,9 @@ def _shares(
             continue
         both = solid
         for p in range(upper, every):
-            both = _take(room, p, both)
-            if both > solid and not _near(room, solid, both):
-                both -= 1
+            taken = _take(room, p, solid, both)
+            if taken > both and _near(room, solid, taken):
+                both = taken
         if both == solid:
             share[r] = 0.0
         elif solid == 1 and both == 2:
@@ -174,12 +173,44 @@ def _cast(
 
 
 @kernel
-def _take(room: _Room, piece: int, solid: int) -> int:
-    """Add a piece to the solid ones if it has an area; return how many there are then."""
+def _take(room: _Room, piece: int, begin: int, solid: int) -> int:
+    """Add a piece to the solid ones from ``begin`` on; return how many solid ones there are then.
+
+    It is left out if it has no area, or lies in one of them, as a copy does.
+    """
     if room.many[piece] < 3:
         return solid
     room.solid_first[solid], room.solid_many[solid] = room.first[piece], room.many[piece]
-    return solid + 1
+    last = solid + 1
+    bounds(
+        room.corners, room.solid_first[solid:last], room.solid_many[solid:last], room.box[solid:]
+    )
+    for p in range(begin, solid):
+        inside = (
+            room.box[p, 0] <= room.box[solid, 0]
+            and room.box[p, 1] <= room.box[solid, 1]
+            and room.box[p, 2] >= room.box[solid, 2]
+            and room.box[p, 3] >= room.box[solid, 3]
+        )
+        if inside and _holds(
+            room, room.solid_first[p], room.solid_many[p], room.first[piece], room.many[piece], 0.0
+        ):
+            return solid
+    return last
+
+
+@kernel
+def _holds(room: _Room, first: int, many: int, start: int, count: int, slack: float) -> bool:
+    """Whether corners lie in a piece, or less than ``slack`` (m) outside each of its sides."""
+    for k in range(many):
+        x, y = room.corners[first + k, 0], room.corners[first + k, 1]
+        after = first + (k + 1) % many
+        dx, dy = room.corners[after, 0] - x, room.corners[after, 1] - y
+        limit = slack * math.sqrt(dx * dx + dy * dy)
+        for c in range(start, start + count):
+            if (room.corners[c, 0] - x) * dy - (room.corners[c, 1] - y) * dx > limit:
+                return False
+    return True
 
 
 @kernel
@@ -202,7 +233,6 @@ def _spread(room: _Room, solid: int) -> bool:
 def _near(room: _Room, solid: int, both: int) -> bool:
     """Whether the last of ``both`` touches the box of one of the first ``solid`` pieces."""
     last = both - 1
-    bounds(room.corners, room.solid_first[last:both], room.solid_many[last:both], room.box[last:])
     for p in range(solid):
         if (
             room.box[p, 0] <= room.box[last, 2] + COINCIDENT
@@ -220,15 +250,9 @@ def _within(room: _Room, under: int) -> bool:
     start, n = room.first[under], room.many[under]
     if n < 3:
         return False
-    for k in range(n):
-        x, y = room.corners[start + k, 0], room.corners[start + k, 1]
-        after = start + (k + 1) % n
-        dx, dy = room.corners[after, 0] - x, room.corners[after, 1] - y
-        limit = COINCIDENT * math.sqrt(dx * dx + dy * dy)
-        for p in range(under):
-            for c in range(room.first[p], room.first[p] + room.many[p]):
-                if (room.corners[c, 0] - x) * dy - (room.corners[c, 1] - y) * dx > limit:
-                    return False
+    for p in range(under):
+        if not _holds(room, start, n, room.first[p], room.many[p], COINCIDENT):
+            return False
     return True
 
 

@@ -48,7 +48,7 @@ def union_outline(polygons: list[F64]) -> F64:
     box = np.empty((len(solid), 4))
     bounds(corners, first, count, box)
     out = np.empty((int(count.sum()) * (len(solid) + 1), 4))
-    length = _outline(corners, first, count, box, np.empty((len(solid), 2)), out)
+    length = _outline(corners, first, count, box, np.zeros((len(solid), 4)), out)
     return out[:length].reshape(-1, 2, 2)
 
 
@@ -257,19 +257,25 @@ def covers(
 ) -> int:  # fmt: skip
     """Find where the other polygons cover the edge from (ax, ay) by (dx, dy) of polygon i.
 
-    Writes from where to where, as shares of the edge, into ``covered`` (P, 2), in the order in which
-    they begin; returns how many.
+    Writes from where to where, as shares of the edge, into the first columns of ``covered`` (P, 4), in
+    the order in which they begin; returns how many. Its other columns remember of each polygon, from one
+    edge to the next, which of its sides had the edge outside, and which polygon covered the whole edge:
+    of many polygons that lie on each other the right ones are asked first.
     """
-    spans = 0
+    spans, many = 0, first.shape[0]
     low_x, high_x = min(ax, ax + dx) - COINCIDENT, max(ax, ax + dx) + COINCIDENT
     low_y, high_y = min(ay, ay + dy) - COINCIDENT, max(ay, ay + dy) + COINCIDENT
-    for j in range(first.shape[0]):
+    latest = int(covered[i, 3])
+    for step in range(many):
+        j = (latest + step) % many
         if j == i or box[j, 0] > high_x or box[j, 2] < low_x:
             continue
         if box[j, 1] > high_y or box[j, 3] < low_y:
             continue
         low, high = 0.0, 1.0
-        for k in range(count[j]):
+        k = int(covered[j, 2])
+        for _ in range(count[j]):
+            k = k + 1 if k + 1 < count[j] else 0
             bx, by = corners[first[j] + k, 0], corners[first[j] + k, 1]
             after = first[j] + (k + 1) % count[j]
             ex, ey = corners[after, 0] - bx, corners[after, 1] - by
@@ -282,8 +288,7 @@ def covers(
             if abs(start) <= COINCIDENT and abs(start + slope) <= COINCIDENT:
                 if dx * ex + dy * ey > 0.0 and j > i:
                     high = -1.0  # on each other, same side: this one stays
-                continue
-            if slope == 0.0:
+            elif slope == 0.0:
                 if start > 0.0:
                     high = -1.0
             elif slope > 0.0:
@@ -291,7 +296,12 @@ def covers(
             else:
                 low = max(low, -start / slope)
             if high <= low:
+                covered[j, 2] = k - 1  # the side that is asked first next time
                 break
+        if low == 0.0 and high == 1.0:
+            covered[i, 3] = j
+            covered[0, 0], covered[0, 1] = 0.0, 1.0
+            return 1
         if high > low:
             insert_span(covered, spans, low, high)
             spans += 1

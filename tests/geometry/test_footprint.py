@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from bodies import any_shape, box, cylinder, put, shape, sphere, wanderer
@@ -16,6 +18,10 @@ from safestage_eval.geometry.polygon import contains, convex_hull, edges, neares
 from safestage_eval.geometry.pose import transform
 
 CUBE = box(0.05, 0.05, 0.05)
+
+
+def disc(radius: float, at: np.ndarray) -> Geom:
+    return Geom(kind="cylinder", size=(radius, 0.01), position=tuple(map(float, at)))
 
 
 def footprint(mover: Mover, frame: int) -> list[np.ndarray]:
@@ -84,6 +90,40 @@ def test_overlap_agrees_with_counting_points(seed: int) -> None:
     grid = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     over, under = (contains(footprint(one, 0), grid) for one in (a, b))
     assert overlap_xy(a, b)[0] == pytest.approx((over & under).sum() / over.sum(), abs=0.01)
+
+
+def test_copies_and_what_lies_inside_change_nothing() -> None:
+    rng = np.random.default_rng(4)
+    own = [disc(0.03, at) for at in rng.uniform(-0.05, 0.05, (4, 3))]
+    inside = [disc(0.01, geom.position) for geom in own]
+    poses = rng.uniform(-0.05, 0.05, (8, 3)), rng.normal(size=(8, 4))
+    for more in (own * 12, inside, [*inside, *own[::-1]]):
+        whole, plain = put(shape(*own, *more), *poses), put(shape(*own), *poses)
+        for under in (put(CUBE, (0.04, 0, 0)), put(shape(CUBE, CUBE), (0.04, 0, 0))):
+            assert overlap_xy(whole, under) == pytest.approx(overlap_xy(plain, under), abs=1e-9)
+            assert overlap_xy(under, whole) == pytest.approx(overlap_xy(under, plain), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["copies", "a heap", "a net"])
+def test_a_body_of_hundreds_of_shapes_takes_no_minutes(kind: str) -> None:
+    """A second or so for 300 round shapes at thirty poses, where every side was compared with every side."""
+    rng = np.random.default_rng(5)
+    places = {
+        "copies": np.zeros((300, 3)),
+        "a heap": rng.uniform(-0.05, 0.05, (300, 3)),
+        "a net": np.stack(np.meshgrid(np.arange(20), np.arange(15), [0]), -1).reshape(-1, 3) * 0.02,
+    }[kind]
+    many = shape(*(disc(0.012, at) for at in places))
+    moving = put(many, rng.uniform(-0.05, 0.05, (30, 3)), np.tile([1.0, 0, 0, 0], (30, 1)))
+    overlap_xy(put(CUBE, (0, 0, 1)), put(shape(CUBE, CUBE), (0, 0, 0)))  # compiles
+    began = time.process_time()
+    share = overlap_xy(moving, put(CUBE, (0.02, 0, 0)))
+    assert time.process_time() - began < 5
+    middle = moving.position[7, :2] + places[:, :2].mean(0)
+    points = middle + rng.uniform(-1, 1, (20_000, 2)) * (0.02 + np.ptp(places[:, :2], 0) / 2)
+    over = contains(footprint(moving, 7), points)
+    under = np.abs(points - [0.02, 0]).max(1) <= 0.05
+    assert share[7] == pytest.approx((over & under).sum() / over.sum(), abs=0.03)
 
 
 def test_overlap_of_an_open_mesh_is_that_of_its_triangles() -> None:
