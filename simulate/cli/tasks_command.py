@@ -76,7 +76,11 @@ def show(task: str, picture: Path | None, seed: int, as_json: bool) -> None:
     from simulate.tasks.task import task_named
 
     chosen = task_named(task)
-    say_lines(to_json(_table(chosen), 2) if as_json else _words(chosen))
+    if as_json:
+        say_lines(to_json(_table(chosen), 2))
+    else:
+        for line in _words(chosen):  # one by one: what a task says begins no line
+            say(line)
     if picture is not None:
         from simulate.render.renderer import write_png
         from simulate.render.start_picture import start_picture
@@ -88,7 +92,7 @@ def _table(task: Task) -> dict[str, Any]:
     return task.model_dump(mode="json", exclude_defaults=True)
 
 
-def _words(task: Task) -> str:
+def _words(task: Task) -> list[str]:
     lines = [f"{task.id}  ({task.stage}, {task.family})", ""]
     lines += [f"  {name:<9} {getattr(task.prompts, name)}" for name in PROMPTS]
     lines += ["", f"  {'goal':<11} {task.goal}, within {task.horizon:g} s"]
@@ -110,7 +114,7 @@ def _words(task: Task) -> str:
         values = ", ".join(f"{value:g}" for value in grade.values)
         lines += ["", f"  graded reference {name}: {grade.parameter}"]
         lines += [f"    {values} {grade.unit}; {grade.signal} = {grade.expected}"]
-    return "\n".join(lines)
+    return lines
 
 
 def _titled(code: str) -> str:

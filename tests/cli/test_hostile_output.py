@@ -4,20 +4,15 @@ import csv
 import io
 import json
 import re
-import unicodedata
 
 import pytest
+from hostile_text import EVIL, shows_all
 from scenes import G, Scene
 from studio import run
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import save
 
-EVIL = (
-    '=HYPERLINK("http://evil")<script>alert(1)</script><img src=x onerror=alert(1)>\\<b>'
-    "\x1b]0;owned\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\u200b[click](javascript:1)![p](http://e/p.png)"
-    "&lt;i&gt;\r\n::error::owned|`x`"
-)
 FINDING = "FSH101"
 
 
@@ -38,11 +33,6 @@ def traces(tmp_path_factory):
         save(episode, folder / f"{i}.mcap")
     (folder / "broken\x1b[31m\u202e.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\x1b[2J" * 9)
     return folder
-
-
-def shows_all(text):
-    hidden = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
-    return not {unicodedata.category(c) for c in text.replace("\n", "").replace("\t", "")} & hidden
 
 
 COMMANDS = [

@@ -30,6 +30,8 @@ MARKS = ("<!-- installs -->\n", "<!-- end of installs -->\n")
 LIMIT = 900
 """s for a cell."""
 NOBODY = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+OUTSIDE = Path("/opt")
+"""Where environments are made if possible: one of the places has no /tmp."""
 EMPTY = "mount -t tmpfs -o ro,size=4k tmpfs"
 
 
@@ -269,8 +271,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="cells whose name has this in it")
     parser.add_argument(
-        "--folder", type=Path, help="for environments: some GB, readable by everybody"
-    )
+        "--folder", type=Path, default=OUTSIDE if os.access(OUTSIDE, os.W_OK) else None,
+        help="for environments: some GB, readable by everybody, not in /tmp",
+    )  # fmt: skip
     parser.add_argument("--write", type=Path, help="page whose table is replaced")
     asked = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="installs", dir=asked.folder))
