@@ -26,6 +26,7 @@ from queue import SimpleQueue
 from typing import Any
 
 import numba
+from numba.core.registry import cpu_target
 
 from .compiled import cache_folder, cache_name, is_writable
 
@@ -115,7 +116,8 @@ def _stamp() -> Path | None:
 
     None where nothing can be kept.
     """
-    host = numba.core.codegen.get_host_cpu_features(), platform.machine(), sys.version
+    target = cpu_target.target_context.codegen().magic_tuple()  # as NUMBA_CPU_NAME says, if it does
+    host = target, platform.machine(), sys.version
     digest = hashlib.sha256(repr((numba.__version__, host)).encode())
     digest.update(SIGNATURES.read_bytes())
     root = Path(__file__).parents[1]
