@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from moving import path_of, pushed
 
@@ -42,6 +43,12 @@ def test_a_signal_that_no_rule_reads_has_no_limit(again):
     (panel,) = signal_plot.panels(again, ["height(ball)"])
     assert panel.limits == () and panel.verdicts == ()
     assert panel.series.value == pytest.approx(0.02, abs=1e-6)
+
+
+def test_a_signal_that_rules_declare_is_drawn(again):
+    (panel,) = signal_plot.panels(again, ["mean_speed(cube)"])
+    went = np.gradient(path_of(again.episode.t), again.episode.t)
+    assert panel.series.value.max() == pytest.approx(went.max(), rel=0.05)
 
 
 @pytest.mark.parametrize(
