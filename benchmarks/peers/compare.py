@@ -89,8 +89,9 @@ def compare(peer: str, given: argparse.Namespace, tallies: dict[str, Tally]) -> 
     from safestage_eval.sketch import resolve
 
     with importlib.import_module(peer).comparing(given.checkouts / PEERS[peer]) as judge:
-        judge(None, tallies[peer])
-        sources(peer, given.checkouts, tallies[peer])
+        if not given.first:  # of several pieces the first one alone does what needs no trace
+            judge(None, tallies[peer])
+            sources(peer, given.checkouts, tallies[peer])
         if given.examples and peer != "is_bench":
             for name, folder in examples(peer):
                 judge(resolve(name, [folder]), tallies[peer])
