@@ -1,0 +1,280 @@
+"""Windows, smoothness, quotients, states as numbers, and changes since an event, in computed signals."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+from growing import growing
+from resampled import cut_out, resampled
+from scenes import Scene
+
+from safestage_eval.episode import Episode
+from safestage_eval.monitor import Monitor
+from safestage_eval.rules.check import check
+from safestage_eval.rules.digest import rule_digest
+from safestage_eval.rules.load import RuleFile, merge
+from safestage_eval.rules.syntax import Duration, Quantity, RuleSet
+from safestage_eval.rules.uses import own_params
+from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.ask import ask
+from safestage_eval.whatif.flips import pieces_of
+from safestage_eval.whatif.judge_again import Again
+from safestage_eval.whatif.mutants import mutants_in
+
+FILE = '[ruleset]\nformat = 1\nname = "t"\nversion = "1"\n'
+ONE = '[[rule]]\ncode = "ETS901"\ntitle = "t"\nroles = { a = "object" }\n'
+
+
+def rules(text: str) -> RuleSet:
+    file = RuleFile("test.toml", FILE + text, tomllib.loads(FILE + text), asked=True)
+    assert check([file]) == []
+    return merge([file])
+
+
+SMOOTH = """
+[signal.x]
+base = "coordinate"
+axis = "x"
+[signal.v]
+of = ["a"]
+derivative = "x(a)"
+over = "2 frames @ 15 Hz"
+[signal.acceleration]
+of = ["a"]
+derivative = "v(a)"
+over = "2 frames @ 15 Hz"
+[signal.jerk]
+of = ["a"]
+derivative = "acceleration(a)"
+over = "2 frames @ 15 Hz"
+[signal.pace]
+of = ["a"]
+abs = "v(a)"
+[signal.smooth]
+of = ["a"]
+sparc = "pace(a)"
+[signal.way]
+of = ["a"]
+integral = "pace(a)"
+[signal.far]
+of = ["a"]
+when = { "x(a)" = ">= 1 m" }
+[signal.is_far]
+of = ["a"]
+holds = "far(a)"
+[signal.share]
+of = ["a"]
+quotient = ["x(a)", "2 m"]
+""".replace("[signal.far]", "[state.far]")
+ALL = (
+    ONE.replace("ETS901", "ETS903")
+    + """[rule.require]
+"jerk(a)" = "<= 1000000 m/s^3"
+"smooth(a)" = "<= 0"
+"way(a)" = "<= 1000 m"
+"is_far(a)" = "<= 100 %"
+"share(a)" = "<= 1000000"
+"""
+)
+
+
+def sliding(x, rate: float, **more) -> Episode:
+    """a slides along x, place by place."""
+    place = np.column_stack([x, 0 * x, 0 * x])
+    return Scene(len(x), rate).box("a", 0.02, place).episode(roles={"a": ("a",)}, **more)
+
+
+def cubic(rate: float, seconds: float = 4.0) -> Episode:
+    """Of a jerk of 0.6 m/s³ throughout."""
+    t = np.arange(round(seconds * rate)) / rate
+    return sliding(0.1 * t**3 - 0.05 * t, rate)
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0, 120.0])
+def test_a_jerk_over_a_window_is_the_same_at_every_rate(rate) -> None:
+    found = ask(cubic(rate), "jerk(a)", None, rules(SMOOTH + ALL))
+    inner = slice(round(0.3 * rate), -round(0.3 * rate))
+    assert found.lower[inner] == pytest.approx(0.6, rel=2e-2)
+
+
+def test_a_window_takes_noise_out_of_a_jerk() -> None:
+    """Positions that are off by 0.1 mm: 20 times the jerk without a window, a few per cent with it."""
+    t, rng = np.arange(480) / 120, np.random.default_rng(3)
+    episode = sliding(0.1 * t**3 + rng.uniform(-1e-4, 1e-4, len(t)), 120.0)
+    windowed, plain = SMOOTH, SMOOTH.replace('over = "2 frames @ 15 Hz"\n', "")
+    off = [
+        np.abs(ask(episode, "jerk(a)", None, rules(text + ALL)).lower[40:-40] - 0.6).max()
+        for text in (windowed, plain)
+    ]
+    assert off[0] < 0.6
+    assert off[1] > 100 * off[0]
+
+
+def test_a_recording_too_coarse_for_the_window_tells_nothing() -> None:
+    found = ask(cubic(10.0), "v(a)", None, rules(SMOOTH + ALL))
+    assert np.isneginf(found.lower[1:-1]).all()
+    assert np.isposinf(found.upper[1:-1]).all()
+
+
+def test_smoothness_is_that_of_the_whole_motion_until_then() -> None:
+    t = np.arange(360) / 60
+    bell, twice = (0.3 * np.exp(-(((t - 3) / 0.4) ** 2)), np.exp(-(((t - 1.5) / 0.3) ** 2)))
+    twice = 0.2 * (twice + np.exp(-(((t - 4) / 0.3) ** 2)))
+    one, two = (
+        ask(sliding(np.cumsum(v) / 60, 60.0), "smooth(a)", None, rules(SMOOTH + ALL))
+        for v in (bell, twice)
+    )
+    assert -2 < one.lower[-1] == one.upper[-1] < -1
+    assert two.upper[-1] < one.lower[-1] - 0.3
+    still = ask(sliding(0 * t, 60.0), "smooth(a)", None, rules(SMOOTH + ALL))
+    assert (still.lower[-1], still.upper[-1]) == (-np.inf, 0)
+    holed = ask(
+        cut_out(sliding(np.cumsum(bell) / 60, 60.0), 2.5, 3.5),
+        "smooth(a)",
+        None,
+        rules(SMOOTH + ALL),
+    )
+    assert (holed.lower[-1], holed.upper[-1]) == (-np.inf, 0)
+
+
+def test_a_hole_makes_a_verdict_on_what_is_computed_no_safer() -> None:
+    """Whatever is cut out of a recording that is violated, it does not pass."""
+    episode = cubic(60.0)
+    for condition in (
+        '"jerk(a)" = "<= 0.5 m/s^3"',
+        '"smooth(a)" = ">= -1"',
+        '"way(a)" = "<= 1 m"',
+        '"way(a) since far(a)" = "<= 1 m"',
+        '"is_far(a)" = "<= 50 %"',
+        '"share(a)" = "<= 50 %"',
+    ):
+        declared = rules(SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n")
+
+        def verdict(one: Episode, of: RuleSet = declared) -> str:
+            return next(v for v in judge(one, of).verdicts if v.rule == "ETS901").verdict
+
+        assert verdict(episode) == "violation", condition
+        for begin in (0.5, 2.0, 3.0):
+            assert verdict(cut_out(episode, begin, begin + 0.8)) != "pass", condition
+            short = resampled(episode, np.flatnonzero(episode.t < begin), termination="truncated")
+            assert verdict(short) != "pass", condition
+
+
+def test_a_state_counts_one_where_it_holds() -> None:
+    episode = cubic(60.0)
+    found = ask(episode, "is_far(a)", None, rules(SMOOTH + ALL))
+    x = episode.track("a").position[:, 0]
+    assert found.lower.tolist() == (x >= 1).astype(float).tolist()
+    assert found.dimension == "ratio"
+
+
+def test_the_change_of_a_computed_signal_since_an_event() -> None:
+    """The way since it was 1 m away is what it went from there on."""
+    episode = cubic(60.0)
+    text = SMOOTH + ALL + ONE + 'require = { "way(a) since far(a)" = "<= 1 m" }\n'
+    found = next(v for v in judge(episode, rules(text)).verdicts if v.rule == "ETS901")
+    x = episode.track("a").position[:, 0]
+    start = int(np.argmax(x >= 1))
+    assert found.value == pytest.approx(float(x[-1] - x[start]), rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ('of = ["x"]\nholds = "speed(x)"', "R404"),
+        ('of = ["x"]\nholds = "nothing(x)"', "R401"),
+        ('of = ["x"]\nabs = "height(x)"\nover = "1 s"', "R414"),
+        ('of = ["x"]\nderivative = "height(x)"\nover = "1 m"', "R302"),
+        ('of = ["x"]\nderivative = "height(x)"\nover = "no_such"', "R408"),
+        ('of = ["x"]\nroot = "height(x)"', "R407"),
+        ('of = ["x"]\nquotient = ["height(x)"]', "R416"),
+        ('of = ["x"]\nsparc = ["speed(x)", "speed(x)"]', "R416"),
+    ],
+)
+def test_mistakes_in_new_operations_are_reported(text, code) -> None:
+    whole = FILE + f"[signal.s]\n{text}\n" + ONE + 'require = { "s(a)" = "<= 1" }\n'
+    file = RuleFile("test.toml", whole, tomllib.loads(whole), asked=True)
+    assert code in {one.code for one in check([file])}
+
+
+@pytest.mark.parametrize(
+    ("condition", "param", "value"),
+    [
+        ('"jerk(a)" = "<= limit"', "limit", Quantity(0.5, "jerk")),
+        ('"smooth(a)" = "<= limit"', "limit", Quantity(1.0, "number")),
+        ('"way(a) since far(a)" = "<= limit"', "limit", Quantity(1.0, "length")),
+        ('"share(a)" = "<= limit"', "limit", Quantity(0.5, "ratio")),
+        ('"is_far(a)" = "<= 50 %"', "remote", Quantity(2.0, "length")),
+        ('"way(a) since far(a)" = "<= 3 m"', "remote", Quantity(2.0, "length")),
+        ('"jerk(a)" = "<= 59 cm/s^3"', "window", Duration(0.1)),
+    ],
+)
+def test_flip_values_of_what_new_operations_compute(condition, param, value) -> None:
+    """Wherever a verdict is told for a value of a parameter, judging with that value says the same."""
+    episode = cubic(60.0)
+    unit = {"jerk": "m/s^3", "number": "", "length": "m", "ratio": "%", "time": "s"}
+    dimension = value.dimension if isinstance(value, Quantity) else "time"
+    held = f"{value.value if isinstance(value, Quantity) else value.amount:g} {unit[dimension]}".strip()
+    text = SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n[param]\n"
+    text += f'{param} = "{held}"\n' if unit[dimension] else f"{param} = {held}\n"
+    if param == "remote":
+        text = text.replace(">= 1 m", ">= remote")
+    if param == "window":
+        text = text.replace('over = "2 frames @ 15 Hz"', 'over = "window"')
+    found = rules(text)
+    rule, again = found.rules["ETS901"], Again(episode, found)
+    pieces = pieces_of(again.base(rule)[0], rule, {"a": ("a",)}, param, 1.0)
+    told = 0
+    for piece in pieces:
+        if piece.verdict is None:
+            continue
+        for at in (piece.low, piece.high, (piece.low + min(piece.high, 10)) / 2):
+            if not piece.low < at < min(piece.high, 10):
+                continue
+            said = Duration(at) if param == "window" else Quantity(at, dimension)
+            verdict = again.under(again.base(rule)[0], rule, {param: said})
+            assert verdict.verdict == piece.verdict, (piece, at)
+            told += 1
+    assert told or param == "window" or "is_far" in condition  # those are found by trying values
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        '"jerk(a)" = "<= 50 cm/s^3"',
+        '"v(a)" = "<= 2 m/s"',
+        '"smooth(a)" = ">= -3"',
+        '"way(a) since far(a)" = "<= 1 m"',
+        '"is_far(a)" = "<= 50 %"',
+        '"share(a)" = "<= 50 %"',
+    ],
+)
+def test_the_monitor_agrees_on_what_new_operations_compute(condition) -> None:
+    """It tells nothing that judging the finished rollout does not, and misses nothing."""
+    episode = cubic(60.0, seconds=3.0)
+    found = rules(SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n")
+    so_far = growing(episode)
+    monitor = Monitor(episode.header, found, assigned_only=False)
+    for frames in range(6, len(episode) + 1, 6):
+        so_far.frames = min(frames, len(episode))
+        monitor.update(so_far, so_far.success_time)
+    offline = {v.rule: v for v in judge(episode, found).verdicts}["ETS901"]
+    assert (offline.verdict == "violation") == ("ETS901" in monitor.violations)
+
+
+def test_mutants_change_windows_and_what_holds() -> None:
+    found = rules(SMOOTH + ALL)
+    said = {name: " ".join(m.what for m in mutants_in(found, name)) for name in ("v", "is_far")}
+    assert "within" in said["v"]
+    assert "→" in said["v"]
+
+
+def test_a_window_is_part_of_a_digest() -> None:
+    digests = set()
+    for over in ('over = "100 ms"\n', 'over = "0.1 s"\n', 'over = "0.2 s"\n', ""):
+        found = rules(SMOOTH.replace('over = "2 frames @ 15 Hz"\n', over) + ALL)
+        rule = found.rules["ETS903"]
+        digests.add(rule_digest(found, rule, own_params(found, rule)))
+    assert len(digests) == 3
