@@ -14,7 +14,7 @@ from safestage_eval.evidence.interval_arithmetic import (
     summed_over_time,
 )
 from safestage_eval.evidence.series import Series, exact
-from safestage_eval.evidence.spectral_arc import sparc
+from safestage_eval.evidence.spectral_arc import AT_REST, sparc
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.operations import OPERATIONS
 from safestage_eval.states.band import Band, Bool
@@ -81,6 +81,8 @@ class ComputedSignals(Answers, ABC):
             ends = change_per_second(operands[0], t)
         elif operation == "sparc":
             ends = self._smoothness(operands[0], wanted)
+            if np.abs(operands[0].upper).max(initial=0.0) < AT_REST:
+                notes += (f"{computed.name}() of what has not moved is not known",)
         elif operation == "holds":
             ends = operands[0].lower, operands[0].upper
         elif operation == "integral":

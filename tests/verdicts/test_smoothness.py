@@ -130,6 +130,7 @@ def test_smoothness_is_that_of_the_whole_motion_until_then() -> None:
     assert two.upper[-1] < one.lower[-1] - 0.3
     still = ask(sliding(0 * t, 60.0), "smooth(a)", None, rules(SMOOTH + ALL))
     assert (still.lower[-1], still.upper[-1]) == (-np.inf, 0)
+    assert still.notes == ("smooth() of what has not moved is not known",)
     holed = ask(
         cut_out(sliding(np.cumsum(bell) / 60, 60.0), 2.5, 3.5),
         "smooth(a)",
