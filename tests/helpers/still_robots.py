@@ -14,8 +14,8 @@ from simulate.importers.model_file import load_model
 
 ROW_DT = 0.05
 """s between rows, as robosuite and LIBERO store them."""
-DROP = 0.03
-"""m. From no higher are things let go: what is dropped further has been thrown."""
+DROP = 0.1
+"""m. By up to so much things begin higher: more than any rule lets fall."""
 
 
 def write_still(
