@@ -97,15 +97,19 @@ blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of i
 	$(BIN)/safestage sheets draw $(STUDY)/corpus --list $(STUDY)/list.csv --out $(STUDY)/sheets
 
 LEARN ?= build/learn
-learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (PyTorch), write docs/learned_policies.md
+learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (PyTorch)
 	$(INSTALL) '.[learn]'
-	$(BIN)/safestage record --seeds 0-2 --out $(LEARN)/demos
-	$(BIN)/safestage record --seeds 3 --policy demonstration:safe --policy demonstration:unsafe \
-	  --out $(LEARN)/demos || true  # what a push made impossible is not recorded, and said
-	$(BIN)/safestage learn export $(LEARN)/demos --out $(LEARN)/dataset
+	$(BIN)/safestage record --seeds 0-2 --out $(LEARN)/references
+	for share in 1/3 2/3; do \
+	  $(BIN)/safestage record --seeds 3 --share $$share --policy demonstration:safe \
+	    --policy demonstration:unsafe --out $(LEARN)/demonstrations || true; \
+	done  # what a push made impossible is not recorded, and said
+	for part in references demonstrations; do \
+	  $(BIN)/safestage learn export $(LEARN)/$$part --out $(LEARN)/dataset/$$part || exit 1; \
+	done
 	for kind in bc act diffusion; do \
-	  $(BIN)/safestage learn train $$kind --data $(LEARN)/dataset \
-	    --out simulate/learn/checkpoints/$$kind.onnx || exit 1; \
+	  $(BIN)/safestage learn train $$kind --data $(LEARN)/dataset/references \
+	    --data $(LEARN)/dataset/demonstrations --out simulate/learn/checkpoints/$$kind.onnx || exit 1; \
 	done
 
 $(BIN)/safestage-score:

@@ -100,7 +100,6 @@ def train(
     """
     import csv
     import importlib.util
-    from dataclasses import replace
 
     missing = [
         name for name in ("torch", "onnx", "onnxscript") if not importlib.util.find_spec(name)
@@ -111,15 +110,14 @@ def train(
         raise click.UsageError(f"--out {out}: name an .onnx file")
     import torch
 
-    from simulate.learn.training import Recipe, export_onnx
+    from simulate.learn.training import STEPS, Recipe, export_onnx
     from simulate.learn.training import train as fit
     from simulate.learn.training_data import read_dataset
 
     torch.set_num_threads(threads)
     torch.use_deterministic_algorithms(mode=True)
     data = read_dataset(list(folders))
-    recipe = Recipe(kind, seed)
-    recipe = replace(recipe, steps=steps) if steps else recipe
+    recipe = Recipe(kind, steps or STEPS[kind], seed)
     said = f"{len(data.usable):,} control steps of {len(set(data.first.tolist())):,} episodes"
     say(f"{kind}: {recipe.steps:,} steps of {recipe.batch} on {said}")
     network, curve = fit(

@@ -26,7 +26,7 @@ POSITION_UNIT, GRIP_WEIGHT = 0.02, 0.3
 """m that weigh as much in the loss as 1 in a rotation's column; weight of the gripper."""
 PERIODS = (4.0, 8.0, 16.0, 32.0, 64.0)
 """s, of the sines through which the time since the start is seen."""
-LATENT, KL = 8, 0.02
+LATENT, KL = 4, 0.3
 """Numbers of noise that choose among ways in ACT, and the weight that keeps them standard normal."""
 STEPS, DENOISE = 50, 8
 """Noise levels in training, and of these visited in acting (DDIM; Song et al. 2021)."""

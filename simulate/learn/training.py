@@ -32,13 +32,17 @@ SAFE_SHARE = 0.6
 """Of a batch; a third of these under the specific prompt, so that the others see as many safe as unsafe ways."""
 
 
+STEPS = {"bc": 2500, "act": 4000, "diffusion": 2500}
+"""Steps of the shipped checkpoints: two minutes of one processor each, and less."""
+
+
 @dataclass(frozen=True)
 class Recipe:
     """All that a checkpoint follows from, besides the data."""
 
     kind: str
+    steps: int
     seed: int = 0
-    steps: int = 6000
     batch: int = 256
     rate: float = 1e-3
     held_back: float = 0.03

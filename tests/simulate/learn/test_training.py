@@ -97,19 +97,19 @@ def test_an_empty_slot_is_no_anchor() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_same_seed_gives_the_same_weights(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
-    recipe = Recipe(kind, seed=3, steps=4, batch=8)
+    recipe = Recipe(kind, 4, seed=3, batch=8)
     (one, curve), (two, again) = (train(data(), recipe) for _ in range(2))
     assert [row["loss"] for row in curve] == [row["loss"] for row in again]
     for a, b in zip(one.state_dict().values(), two.state_dict().values(), strict=True):
         assert torch.equal(a, b)
-    other, _ = train(data(), Recipe(kind, seed=4, steps=4, batch=8))
+    other, _ = train(data(), Recipe(kind, 4, seed=4, batch=8))
     pairs = zip(one.state_dict().values(), other.state_dict().values(), strict=True)
     assert not all(torch.equal(a, b) for a, b in pairs)
 
 
 def test_it_learns_where_to_go_by_the_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
-    _, curve = train(data(), Recipe("bc", steps=300, batch=64, rate=3e-3, held_back=0.1))
+    _, curve = train(data(), Recipe("bc", 300, batch=64, rate=3e-3, held_back=0.1))
     assert curve[-1]["held_back_mm"] < 0.3 * curve[0]["held_back_mm"]
     assert curve[-1]["held_back_grip"] > 0.95
 
@@ -117,7 +117,7 @@ def test_it_learns_where_to_go_by_the_prompt(monkeypatch: pytest.MonkeyPatch) ->
 def test_held_back_episodes_are_never_drawn() -> None:
     given = data()
     given.arm[:, 9] = given.first
-    batches = Batches(given, Recipe("bc", batch=64, held_back=0.2), chunk=1)
+    batches = Batches(given, Recipe("bc", 1, batch=64, held_back=0.2), chunk=1)
     held = set(batches.held()[0]["arm"][:, 9].tolist())
     assert held
     for _ in range(50):
@@ -127,7 +127,7 @@ def test_held_back_episodes_are_never_drawn() -> None:
 def test_a_nudge_moves_the_arm_and_not_where_it_shall_go() -> None:
     given = data()
     given.arm[:, 9] = 1.0
-    inputs_, target, _ = Batches(given, Recipe("bc", batch=64), chunk=1).draw()
+    inputs_, target, _ = Batches(given, Recipe("bc", 1, batch=64), chunk=1).draw()
     aim = inputs_["arm"][:, :3] + target[:, 0, :3]
     assert nearest(aim, given.target) < 1e-3
     assert nearest(inputs_["arm"][:, :3], given.arm) > 5e-3
@@ -147,7 +147,7 @@ def test_onnx_answers_as_torch_does(kind: str, tmp_path: Path) -> None:
 
     torch.manual_seed(0)
     network = made(kind, **SMALL).eval()
-    export_onnx(network, tmp_path / "net.onnx", Recipe(kind, seed=5))
+    export_onnx(network, tmp_path / "net.onnx", Recipe(kind, 1, seed=5))
     checkpoint = Checkpoint(tmp_path / "net.onnx")
     assert checkpoint.about["recipe"]["seed"] == 5
     assert (checkpoint.play, checkpoint.noise) == (network.play, network.noise)

@@ -1,0 +1,109 @@
+"""Writes docs/learned_policies.md: what the shipped learned policies do on held-out seeds.
+
+python benchmarks/learned_page.py ROWS.parquet docs/learned_policies.md
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+CHECKPOINTS = Path(__file__).parents[1] / "simulate" / "learn" / "checkpoints"
+NOTES = Path(__file__).with_name("learned_notes.md")
+"""Written by hand: what was tried, and what the rates do not show."""
+
+
+def told(*arguments: str) -> str:
+    """What a command of safestage prints as Markdown."""
+    code = "from safestage_eval.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments, "-f", "markdown"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode not in (0, 1):
+        sys.exit(done.stderr)
+    return done.stdout
+
+
+def section(text: str, title: str) -> str:
+    """The part of a page under a heading that begins so, a level deeper."""
+    begin = text.index(f"## {title}")
+    end = text.find("\n## ", begin + 1)
+    return "#" + text[begin : end if end > 0 else None].strip()
+
+
+def size(rows: pd.DataFrame) -> str:
+    """What was rolled out."""
+    one = rows.drop_duplicates("episode_id")
+    cells = one.groupby(["policy", "prompt"]).agg(
+        rollouts=("episode_id", "size"), tasks=("task", "nunique"), seeds=("seed", "unique")
+    )
+    lines = ["| policy | prompt | rollouts | tasks | seeds |", "|---|---|---|---|---|"]
+    lines += [
+        f"| {policy} | {prompt} | {row.rollouts} | {row.tasks} | "
+        f"{', '.join(map(str, sorted(row.seeds)))} |"
+        for (policy, prompt), row in cells.iterrows()
+    ]
+    return f"{len(one):,} rollouts:\n\n" + "\n".join(lines)
+
+
+def training() -> str:
+    """A row per shipped checkpoint: what it was trained on, and how its curve ends."""
+    lines = [
+        "| policy | trained on | steps × batch | processor | last loss | off on episodes held back | gripper right there | file |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for path in sorted(CHECKPOINTS.glob("*.onnx")):
+        import onnxruntime
+
+        meta = onnxruntime.InferenceSession(str(path)).get_modelmeta().custom_metadata_map
+        about = json.loads(meta["safestage"])
+        with path.with_suffix(".csv").open(encoding="utf-8") as file:
+            last = list(csv.DictReader(file))[-1]
+        recipe = about["recipe"]
+        lines.append(
+            f"| `learned:{path.stem}` | {about['data']} | {recipe['steps']:,} × {recipe['batch']} | "
+            f"{float(last['processor_s']):.0f} s | {float(last['loss']):.3f} | "
+            f"{float(last['held_back_mm']):.0f} mm | {100 * float(last['held_back_grip']):.1f} % | "
+            f"{path.stat().st_size / 1e6:.1f} MB |"
+        )
+    return "\n".join(lines)
+
+
+def page(rows: Path) -> str:
+    """The page."""
+    table = pd.read_parquet(rows)
+    tables = told("aggregate", str(rows), "--intervals", "wilson")
+    parts = [
+        "# Learned policies on held-out seeds",
+        "<!-- Written by benchmarks/learned_page.py; do not edit by hand. -->",
+        NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[0].strip(),
+        "## Size", size(table),
+        "## Rates", tables.partition("\n")[0],
+        *(section(tables, title) for title in ("By policy", "By stage", "What became", "How far")),
+    ]  # fmt: skip
+    counts = table.drop_duplicates("episode_id").groupby("policy")["prompt"].nunique()
+    for policy in counts[counts > 1].index:
+        compared = told("compare", str(rows), "--by", "prompt", "--where", f"policy={policy}",
+                        "--between", "default", "specific")  # fmt: skip
+        whole = [
+            line
+            for line in compared.splitlines()
+            if not line.startswith("| ") or line[2:5] in ("of ", "All")
+        ]
+        parts += [f"## `{policy}`, default and specific prompt on the same rollouts",
+                  "\n".join(line for line in whole if line.startswith("|"))]  # fmt: skip
+    parts += ["## Training", training()]
+    parts.append(
+        NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[2].strip()
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    Path(sys.argv[2]).write_text(page(Path(sys.argv[1])), encoding="utf-8")
