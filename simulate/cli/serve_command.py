@@ -53,7 +53,7 @@ def serve(
 ) -> None:
     """Serve a policy in a model's protocol, to test a client, a campaign or a network.
 
-    POLICY is reference:safe, reference:unsafe, noisy:SIGMA, idle or another as in `record --policy`:
+    POLICY is reference:safe, reference:unsafe, learned:act, idle or another as in `record --policy`:
     these act in their own simulation with the client's task and seed, so that the client's rollout
     really succeeds. Your own my_module:MyPolicy receives the contents of each request.
 

@@ -176,6 +176,9 @@ def export_onnx(
             dynamo=True, external_data=False, verbose=False,
         )  # fmt: skip
     model = onnx.load(str(path))
+    for part in (*model.graph.node, *model.graph.value_info, *model.graph.initializer):
+        part.ClearField("metadata_props")  # where in whose folders each operation was written
+        part.ClearField("doc_string")
     about = {
         "kind": recipe.kind, "chunk": network.chunk, "play": network.play, "noise": network.noise,
         "recipe": asdict(recipe), "safestage": __version__, "torch": torch.__version__, **(more or {}),

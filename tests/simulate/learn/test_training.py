@@ -148,6 +148,7 @@ def test_onnx_answers_as_torch_does(kind: str, tmp_path: Path) -> None:
     torch.manual_seed(0)
     network = made(kind, **SMALL).eval()
     export_onnx(network, tmp_path / "net.onnx", Recipe(kind, 1, seed=5))
+    assert b"networks.py" not in (tmp_path / "net.onnx").read_bytes(), "it tells folders"
     checkpoint = Checkpoint(tmp_path / "net.onnx")
     assert checkpoint.about["recipe"]["seed"] == 5
     assert (checkpoint.play, checkpoint.noise) == (network.play, network.noise)
