@@ -170,7 +170,7 @@ def _from_statistics(
     schema = metadata.schema
     paths = [schema.column(i).path for i in range(metadata.num_columns)]
     keys = [
-        _Key(paths.index(name), schema.column(paths.index(name)), kind)
+        _Key.of(schema.column(paths.index(name)), paths.index(name), kind)
         for name, kind in ((EPISODE, int), *((name, str) for name in NAME_COLUMNS.get(table, ())))
         if name in paths
     ]
@@ -183,20 +183,33 @@ def _from_statistics(
         single = [pair[0] for pair in ends if pair is not None and pair[0] == pair[1]]
         uniform = complete and len(single) == len(keys)
         members.append({(single[0], tuple(single[1:])): slice(0, count)} if uniform else None)
-        episodes.append(ends[0] if keys and keys[0].kind is int else None)
+        episodes.append(ends[0] if keys and paths[keys[0].place] == EPISODE else None)
     return RowIndex(rows, members, episodes)
-
-
-class _Key(NamedTuple):
-    """A key column: its place in a row group, what the schema says of it, and its values' type."""
-
-    place: int
-    column: pq.ColumnSchema
-    kind: type
 
 
 _SIZES = {"INT32": 4, "INT64": 8}
 """Physical type of whole numbers → bytes of one."""
+
+
+class _Key(NamedTuple):
+    """A key column: its place in a row group, its physical type, and that of its values here.
+
+    ``kind`` is None where the schema has values of another type.
+    """
+
+    place: int
+    physical_type: str
+    kind: type | None
+
+    @classmethod
+    def of(cls, column: pq.ColumnSchema, place: int, kind: type) -> _Key:
+        logical = json.loads(column.logical_type.to_json())
+        if kind is int:
+            fits = logical["Type"] == "None" or logical.get("isSigned", False)
+            fits = fits and column.physical_type in _SIZES
+        else:
+            fits = logical["Type"] == "String" and column.physical_type == "BYTE_ARRAY"
+        return cls(place, column.physical_type, kind if fits else None)
 
 
 def _limits(chunk: Chunk, key: _Key) -> Any:
@@ -204,19 +217,16 @@ def _limits(chunk: Chunk, key: _Key) -> Any:
 
     A column whose chunk states another type than the schema says nothing.
     """
-    least, greatest, physical = chunk.least, chunk.greatest, key.column.physical_type
-    if least is None or greatest is None or chunk.nulls or chunk.physical_type != physical:
+    if chunk.least is None or chunk.greatest is None or chunk.nulls:
         return None
-    logical = json.loads(key.column.logical_type.to_json())
+    if chunk.physical_type != key.physical_type:
+        return None
+    ends = chunk.least, chunk.greatest
     if key.kind is int:
-        plain = logical["Type"] == "None" or logical.get("isSigned", False)
-        if not plain or not len(least) == len(greatest) == _SIZES.get(physical):
-            return None
-        return tuple(int.from_bytes(end, "little", signed=True) for end in (least, greatest))
-    if physical != "BYTE_ARRAY" or logical["Type"] != "String":
-        return None
+        whole = all(len(end) == _SIZES[key.physical_type] for end in ends)
+        return tuple(int.from_bytes(e, "little", signed=True) for e in ends) if whole else None
     try:
-        return least.decode(), greatest.decode()
+        return tuple(end.decode() for end in ends) if key.kind is str else None
     except UnicodeDecodeError:
         return None
 
