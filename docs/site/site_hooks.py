@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from command_pages import commands_page
 from message_page import messages_page
+from notebook_pages import notebook_page
 from python_page import python_page
 from repository_pages import keep_inside, versions_page
 from site_style import style_sheet
@@ -34,6 +35,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add what is written from code."""
     for path, write in WRITTEN.items():
         files.append(File.generated(config, path, content=write()))
+    for notebook in sorted((DOCS / "notebooks").glob("*.ipynb")):
+        path = f"notebooks/{notebook.stem}.md"
+        files.append(File.generated(config, path, content=notebook_page(notebook)))
     return files
 
 

@@ -8,6 +8,7 @@ RULES = """\
 .md-typeset table:not([class]) { display: table; font-size: .68rem; }
 .md-typeset .md-typeset__table { display: block; overflow-x: auto; }
 .md-typeset table:not([class]) th { min-width: 3rem; }
+.md-typeset .cell-output { overflow-x: auto; margin: 1em 0; }
 .md-typeset img { border-radius: 4px; }
 .md-typeset pre > code { font-size: .66rem; }
 .md-typeset h3.doc-heading { font-size: .9rem; }

@@ -65,3 +65,28 @@ def test_pages_load_nothing_from_elsewhere(site):
     loaded += re.findall(r'<link[^>]* rel="stylesheet"[^>]* href="([^"]+)"', page)
     assert loaded
     assert [one for one in loaded if "://" in one] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("notebook", "shows"),
+    [
+        ("explore_scores", "data:image/png"),
+        ("sweep_a_rule", "keep_off"),
+        ("compare_policies", "difference"),
+    ],
+)
+def test_notebooks_were_executed(site, notebook, shows):
+    page = (site / "notebooks" / notebook / "index.html").read_text("utf-8")
+    assert shows in page
+    assert 'class="cell-output"' in page
+
+
+def test_notebooks_are_kept_without_outputs():
+    import json
+
+    books = sorted((CHECKOUT / "docs" / "notebooks").glob("*.ipynb"))
+    assert len(books) == 3
+    for book in books:
+        cells = json.loads(book.read_text("utf-8"))["cells"]
+        assert [cell for cell in cells if cell.get("outputs")] == [], book.name
