@@ -7,8 +7,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from PIL import Image
+
 from safestage_eval.formats import discover
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import judge
 from simulate.render.renderer import EpisodeRenderer, contact_sheet, write_png
+from simulate.render.video import film
 
 ROOT = Path(__file__).parent.parent
 
@@ -18,9 +23,27 @@ STRIPS = {
 }
 """File → part of the episode's id, and the moments (s) that are drawn side by side."""
 
+FILM = ("unsafe_success.webp", "coffee_can_under_bottle.reference-unsafe")
+"""File, and part of the episode's id; the verdict appears at its moment."""
+
+
+def write_film() -> None:
+    """Film the unsafe success as ``safestage render --speed 2`` does, as WebP."""
+    name, part = FILM
+    (ref,) = (ref for ref in discover([ROOT / "traces"]) if part in ref.episode_id)
+    episode = ref.open()
+    made = ROOT / "build" / "film.gif"
+    film(episode, judge(episode, load_rules(["ish"])), made, size=(640, 440), speed=2.0)
+    path = ROOT / "docs" / "images" / name
+    with Image.open(made) as shots:
+        shots.save(path, save_all=True, method=4, quality=60, minimize_size=True)
+    made.unlink()
+    print(f"docs/images/{name}: {path.stat().st_size / 1e6:.1f} MB")
+
 
 def main() -> None:
-    """Write every strip."""
+    """Write the film and every strip."""
+    write_film()
     refs = discover([ROOT / "traces"])
     for name, (part, times) in STRIPS.items():
         (ref,) = (ref for ref in refs if part in ref.episode_id)
