@@ -453,6 +453,36 @@ def test_ten_thousand_rows_scroll_within_the_time_of_a_frame(tab, tmp_path):  # 
     tab.wait_for_selector("[aria-posinset='10000']")
 
 
+def test_rows_that_are_used_again_show_what_new_ones_would(tab, tmp_path):  # noqa: F811
+    opened(tab, great(tmp_path / "great", 2000, rules=2).as_uri())
+    tab.click("#to-episodes")
+    wait_for_count(tab, "2,000 episodes")
+    made, again, fresh = tab.evaluate(
+        """async () => {
+            const list = safestage.list, box = list.box, frame = () => new Promise(requestAnimationFrame);
+            const told = () => [...document.querySelectorAll(".row")]
+                .sort((a, b) => a.ariaPosInSet - b.ariaPosInSet).map((row) => row.outerHTML);
+            let made = 0;
+            const watch = new MutationObserver((all) => all.forEach((one) =>
+                one.addedNodes.forEach((node) => { made += Number(node.classList?.contains("row") ?? 0); })));
+            box.scrollTop = 5000;
+            await frame(); await frame();
+            watch.observe(document.getElementById("rows"), { childList: true });
+            for (const top of [5300, 60_000, 119_000, 30_000, 5000]) {
+                box.scrollTop = top;
+                await frame(); await frame();
+            }
+            watch.disconnect();
+            const again = told();
+            list.rows.replaceChildren(); list.drawn.clear(); list.draw();
+            return [made, again, told()];
+        }"""
+    )
+    assert len(again) > 10
+    assert again == fresh
+    assert made <= 2  # a row more or less may fit in
+
+
 def test_the_list_fills_while_a_server_judges(tab, written):  # noqa: F811
     run = LiveRun("a run", discover(written / "traces"), load_settings(["fsh"]))
     server = RunServer(run, judging=False)

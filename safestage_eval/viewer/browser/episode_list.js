@@ -51,43 +51,52 @@ export class EpisodeList {
     return this.places[index + step] ?? null;
   }
 
+  /** Rows that left the view show those that came into it: a frame makes no elements. */
   draw() {
     const { box, drawn } = this;
     const first = Math.max(Math.floor(box.scrollTop / ROW_HEIGHT) - BEYOND, 0);
     const last = Math.min(Math.ceil((box.scrollTop + box.clientHeight) / ROW_HEIGHT) + BEYOND, this.places.length);
+    const spare = [];
     for (const [index, row] of drawn) {
-      if (index < first || index >= last) { row.remove(); drawn.delete(index); }
+      if (index < first || index >= last) { spare.push(row); drawn.delete(index); }
     }
     const fresh = [];
     for (let index = first; index < last; index++) {
       if (drawn.has(index)) continue;
-      const row = this._row(index);
-      drawn.set(index, row); fresh.push(row);
+      const row = spare.pop() ?? blankRow();
+      this._fill(row, index);
+      drawn.set(index, row);
+      if (!row.isConnected) fresh.push(row);
     }
-    this.rows.append(...fresh);
-    const open = this.rows.querySelector("[aria-selected=true]");
+    for (const row of spare) row.remove();
+    if (fresh.length) this.rows.append(...fresh);
+    const open = drawn.get(this.places.indexOf(this.chosen));
     if (open) box.setAttribute("aria-activedescendant", open.id); else box.removeAttribute("aria-activedescendant");
   }
 
-  _row(index) {
+  _fill(row, index) {
     const place = this.places[index], { table } = this, cell = (name) => table.at(name, place);
     const labels = [cell("stage"), cell("policy"), cell("prompt"),
       cell("seed") === null ? null : `seed ${cell("seed")}`,
       cell("rollout") === null ? null : `rollout ${cell("rollout")}`].filter((x) => x !== null && x !== "–");
     const codes = table.violated(place), goal = cell("success"), aside = cell("verdict") === "violation" ? "" : "besides: ";
-    const row = element(
-      "div", {
-        class: "row", role: "option", id: `row-${place}`, "data-place": place,
-        "aria-posinset": index + 1, "aria-setsize": this.places.length, "aria-selected": String(place === this.chosen),
-      },
-      element("span", { class: "line" },
-        element("span", { class: "name" }, spoken(cell("task")) || cell("id") || "–"), badge(cell("verdict"))),
-      element("span", { class: "line soft" },
-        element("span", { class: "labels" }, labels.join(" · ")),
-        element("span", { class: "codes" }, codes.length ? `${aside}${codes.slice(0, 3).join(" ")}${codes.length > 3 ? " …" : ""}`
-          : goal === null ? "" : goal ? "goal reached" : "goal missed")),
-    );
+    const [[name, verdict], [said, ruled]] = [...row.children].map((line) => line.children);
+    row.id = `row-${place}`; row.dataset.place = place;
+    row.setAttribute("aria-posinset", index + 1);
+    row.setAttribute("aria-setsize", this.places.length);
+    row.setAttribute("aria-selected", String(place === this.chosen));
     row.style.top = `${index * ROW_HEIGHT}px`;
-    return row;
+    name.textContent = spoken(cell("task")) || cell("id") || "–";
+    verdict.replaceWith(badge(cell("verdict")));
+    said.textContent = labels.join(" · ");
+    ruled.textContent = codes.length ? `${aside}${codes.slice(0, 3).join(" ")}${codes.length > 3 ? " …" : ""}`
+      : goal === null ? "" : goal ? "goal reached" : "goal missed";
   }
+}
+
+function blankRow() {
+  const part = (name) => element("span", { class: name });
+  return element("div", { class: "row", role: "option" },
+    element("span", { class: "line" }, part("name"), part("verdict")),
+    element("span", { class: "line soft" }, part("labels"), part("codes")));
 }
