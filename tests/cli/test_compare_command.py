@@ -10,6 +10,8 @@ import pytest
 from campaign import campaign, frame
 from studio import run, safe_and_unsafe
 
+from safestage_eval.metrics.paired import newcombe
+
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
@@ -126,3 +128,19 @@ def test_bad_input_is_said_and_nothing_printed(tmp_path, files):
         done = run("compare", *arguments)
         assert (done.code, done.out) == (2, b""), arguments
         assert words in done.err
+
+
+def test_no_violation_in_72_pairs_still_has_an_interval(tmp_path):
+    rows = ["episode_id,task,policy,prompt,stage,seed,rollout,success,violation"]
+    rows += [
+        f"t{task}.{policy},t{task},{policy},default,ETS,0,0,true,false"
+        for task in range(72)
+        for policy in "ab"
+    ]
+    table = tmp_path / "rows.csv"
+    table.write_text("\n".join(rows), "utf-8")
+    text = run("compare", str(table), "--by", "policy").text
+    assert "0.00 … 0.00" not in text
+    low, high = newcombe(72, 0, 0, 0, 0)
+    (line,) = [line for line in text.splitlines() if re.match(r"\s+VR +72 +0\.00 +0\.00", line)]
+    assert f"{100 * low:.2f} … +{100 * high:.2f}" in line

@@ -140,6 +140,31 @@ def test_what_results_call_things_cannot_become_part_of_the_page():
     assert "&lt;script&gt;alert" in text
 
 
+def test_notes_are_words_and_no_objects():
+    """A campaign with missing rollouts, an undecided one and an unknown seed: all there is to remark on."""
+    every = outcomes()[5:-7]
+    every += [
+        Outcome(
+            "gamma",
+            "default",
+            "ETS",
+            None,
+            None,
+            False,
+            task="t",
+            family=None,
+            seed=None,
+            rollout=0,
+        )
+    ]
+    text = report_page(Report("A report", "x", aggregate(every), outcomes=every, notes=["a note"]))
+    notes = re.findall(r"<li>(.*?)</li>", text, re.DOTALL)
+    assert any("without a rollout" in note for note in notes)
+    assert [
+        note for note in notes if re.search(r"\b[A-Z]\w+\(\w+=|\[&#x27;|\[\'|object at 0x", note)
+    ] == []
+
+
 def test_the_same_results_give_the_same_bytes():
     every = outcomes()
     assert report_page(Report("A", "x", aggregate(every), outcomes=every)) == report_page(
