@@ -56,6 +56,14 @@ SOFT = {
 SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
 """Verdict → its sign, which stands wherever its colour does."""
 
+TERMINAL = {
+    "violation": "#cc3311",
+    "pass": "#0a7fc2",
+    "inconclusive": "#8f7000",
+    "not_applicable": "#767d85",
+}
+"""Verdict → text in a terminal, whose ground nobody knows: 4 : 1 or more on white and on black."""
+
 OUTCOMES = {
     "safe-success": VERDICTS["pass"],
     "unsafe-success": VERDICTS["violation"],

@@ -1,11 +1,12 @@
 """Colours can be read: contrast by WCAG 2.2; verdicts and roles are told apart by colour-blind readers."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from safestage_eval.palette import HATCHINGS, PAINTS, SIGNS, custom_properties, fractions
+from safestage_eval.palette import HATCHINGS, PAINTS, SIGNS, TERMINAL, custom_properties, fractions
 from safestage_eval.palette import VERDICTS as VERDICT_INKS
 from safestage_eval.viewer.html_page import part
 
@@ -113,3 +114,24 @@ def test_every_verdict_has_a_sign_of_its_own():
 
 def test_fractions_are_of_red_green_and_blue():
     assert fractions("#ff8000") == pytest.approx((1, 128 / 255, 0))
+
+
+@pytest.mark.parametrize("verdict", TERMINAL)
+def test_a_terminals_colours_can_be_read_on_white_and_on_black(verdict):
+    for ground in ("#ffffff", "#000000"):
+        assert contrast(TERMINAL[verdict], ground) >= 4
+
+
+@pytest.mark.parametrize("sight", [None, *MACHADO])
+def test_pass_and_violation_are_told_apart_in_a_terminal(sight):
+    away = seen_by(sight, TERMINAL["pass"]) - seen_by(sight, TERMINAL["violation"])
+    assert np.linalg.norm(away) > 25
+
+
+def test_what_score_prints_in_colour_is_of_the_palette():
+    from safestage_eval.report.results_text import SECTIONS
+
+    assert {colour for _, colour in SECTIONS.values()} == set(TERMINAL.values())
+    sources = Path(__file__).parents[1] / "safestage_eval" / "report"
+    for source in sources.glob("*.py"):
+        assert not re.search(r'"(?:bold )?(?:red|green|yellow|cyan)"', source.read_text("utf-8"))

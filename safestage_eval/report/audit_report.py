@@ -17,6 +17,7 @@ from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable
 from safestage_eval.audit import CHECKS, Audit, Check, Finding
 from safestage_eval.audit.finding import SEVERITIES
+from safestage_eval.palette import TERMINAL
 from safestage_eval.version import __version__
 
 from .ci_report import github_line, junit_text
@@ -29,7 +30,9 @@ FORMATS = ("table", "json", "junit", "github", "sarif")
 SHOWN = 3
 """Findings of a code that are written out; of more only the episodes are counted."""
 
-STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
+STYLES = {
+    "error": TERMINAL["violation"], "warning": TERMINAL["inconclusive"], "note": TERMINAL["pass"],
+}  # fmt: skip
 
 
 def render(
@@ -98,7 +101,7 @@ def _by_code(audit: Audit) -> list[tuple[Check, str, list[Finding]]]:
 def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> str:
     buffer = io.StringIO()
     console = Console(
-        file=buffer, width=max(width or WIDTH, LEAST), color_system="standard" if color else None,
+        file=buffer, width=max(width or WIDTH, LEAST), color_system="256" if color else None,
         force_terminal=color, no_color=not color, highlight=False, markup=False,
     )  # fmt: skip
     for check, severity, findings in _by_code(audit):
@@ -111,7 +114,7 @@ def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> 
             console.print(f"  … {len(findings) - len(shown)} more: --verbose lists them")
         console.print()
     for problem in audit.problems:
-        console.print(Text(printable(f"unreadable: {problem.message}"), "red"))
+        console.print(Text(printable(f"unreadable: {problem.message}"), STYLES["error"]))
     if audit.problems:
         console.print()
     if audit.aborted:

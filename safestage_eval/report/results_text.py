@@ -16,6 +16,7 @@ from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import METRICS, Outcome, Rates, by_policy_stage, outcomes, rates
 from safestage_eval.metrics.rates import CONDITIONS
+from safestage_eval.palette import TERMINAL
 from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
@@ -33,11 +34,14 @@ WIDTH = 100
 LEAST = 50
 """Below this the columns leave no room for sentences, and letters would be lost."""
 
+FAILED, REMARK = TERMINAL["violation"], TERMINAL["inconclusive"]
+"""Colours of what failed, and of what is to be noted."""
+
 SECTIONS = {
-    "violation": ("Violations", "red"),
-    "inconclusive": ("Inconclusive", "yellow"),
-    "not_applicable": ("Not at risk, counted as no violation", "yellow"),
-    "pass": ("Safe", "green"),
+    "violation": ("Violations", TERMINAL["violation"]),
+    "inconclusive": ("Inconclusive", TERMINAL["inconclusive"]),
+    "not_applicable": ("Not at risk, counted as no violation", TERMINAL["not_applicable"]),
+    "pass": ("Safe", TERMINAL["pass"]),
 }
 """Outcome of an episode → heading and colour, in this order."""
 
@@ -62,7 +66,7 @@ def render(
     console = Console(
         file=buffer,
         width=max(width or WIDTH, LEAST),
-        color_system="standard" if color else None,
+        color_system="256" if color else None,
         force_terminal=color,
         no_color=not color,
         highlight=False,
@@ -75,7 +79,7 @@ def render(
     _findings(console, scores, everything=everything)
     _unassigned(console, scores, everything=everything)
     if scores.sample:
-        put(console, f"{scores.sample}\n", "yellow")
+        put(console, f"{scores.sample}\n", REMARK)
     _rates(console, every)
     _leftovers(console, scores, rates(every))
     _hint(console, scores)
@@ -181,7 +185,7 @@ def _hint(console: Console, scores: Scores) -> None:
             console,
             f"the loaded rules found there: {counts}. --format csv lists all of it, --verbose what "
             "is not safe; --bind assigns rules to episodes",
-            "yellow",
+            REMARK,
         )
 
 
@@ -291,17 +295,17 @@ def _cells(
 
 def _leftovers(console: Console, scores: Scores, total: Rates) -> None:
     for line in left_out(total, scores):
-        put(console, printable(line), "yellow")
+        put(console, printable(line), REMARK)
     notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
     for line in notes[:MOST]:
-        put(console, printable(f"note: {line}"), "yellow")
+        put(console, printable(f"note: {line}"), REMARK)
     if len(notes) > MOST:
-        console.print(f"and {len(notes) - MOST} more notes", style="yellow")
+        console.print(f"and {len(notes) - MOST} more notes", style=REMARK)
     for line in problem_lines(scores):
-        put(console, printable_lines(line), "red")
+        put(console, printable_lines(line), FAILED)
     if scores.problems:
         problems = count(len(scores.problems), "episode")
-        console.print(f"{problems} could not be judged", style="bold red")
+        console.print(f"{problems} could not be judged", style=f"bold {FAILED}")
 
 
 def problem_lines(scores: Scores) -> list[str]:

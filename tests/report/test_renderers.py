@@ -13,9 +13,11 @@ import pandas as pd
 import polars as pl
 import pytest
 from fabricated import INCONCLUSIVE, NOT_APPLICABLE, PASS, VIOLATION, episode, scores
+from rich.color import Color, ColorSystem
 
 from safestage_eval._text.printable import printable
 from safestage_eval.metrics import by_policy_stage, outcomes
+from safestage_eval.palette import TERMINAL
 from safestage_eval.report import FORMATS, render, results_text
 from safestage_eval.report.result_rows import COLUMNS, rows
 from safestage_eval.run.scores import Scores
@@ -349,12 +351,17 @@ def test_coverage_comes_first_and_stands_beside_the_rates(form):
     assert all("2/17" in line for line in with_rates)
 
 
-def test_a_pass_is_never_red():
+def test_a_pass_never_has_the_colour_of_a_violation():
     """Not beside the violation of the same episode either, nor with a severity or little margin."""
     close = replace(PASS, margin=1e-6, severity="serious")
     text = results_text.render(Scores((episode("one", VIOLATION, close),)), color=True)
-    colours = dict(re.findall(r"\x1b\[(\d+)m(violation|pass)\b", text))
-    assert colours == {"31": "violation", "32": "pass"}
+    colours = {word: code for code, word in re.findall(r"\x1b\[([\d;]+)m(violation|pass)\b", text)}
+    near = {
+        word: Color.parse(TERMINAL[word]).downgrade(ColorSystem.EIGHT_BIT).number
+        for word in ("violation", "pass")
+    }
+    assert colours == {word: f"38;5;{number}" for word, number in near.items()}
+    assert colours["pass"] != colours["violation"]
 
 
 def test_a_stage_of_which_nothing_was_judged_has_no_row_of_rates():
