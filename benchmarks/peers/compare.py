@@ -4,8 +4,9 @@
     python benchmarks/peers/compare.py --counts *.json --page docs/other_benchmarks.md
 
 DIR holds a checkout per benchmark, named like its repository (RoboLab, oopsieverse, …); the commits
-are those that the rules' ``source`` names. A checkout that is missing is left out. ``--page`` writes
-the table of the counts into the page.
+are those that the rules' ``source`` names; VLA-Arena calls ``check_contact`` of robosuite 1.5, so that
+one is wanted too (``robosuite``). A checkout that is missing is left out. ``--first`` and ``--every``
+run a share, in pieces whose counts are added up. ``--page`` writes the tables into the page.
 """
 
 from __future__ import annotations
