@@ -25,6 +25,7 @@ sys.path[:0] = [str(ROOT / "tests/helpers"), str(ROOT)]
 from still_robots import write_still  # noqa: E402
 
 from safestage_eval.episode import Episode  # noqa: E402
+from safestage_eval.episode.contradiction import ContradictionError  # noqa: E402
 from safestage_eval.formats import discover  # noqa: E402
 from safestage_eval.importers import Settings, import_all  # noqa: E402
 from safestage_eval.importers.bind_headers import load_bound  # noqa: E402
@@ -61,7 +62,13 @@ def blamed(folder: Path) -> tuple[int, int, Counter[str], list[str]]:
         if touched(episode):
             continue
         still += 1
-        for verdict in judge(in_every_role(episode), rules).verdicts:
+        try:
+            judged = judge(in_every_role(episode), rules).verdicts
+        except ContradictionError as error:
+            verdicts["refused"] += 1
+            print(f"  refused: {error}")
+            continue
+        for verdict in judged:
             verdicts[verdict.verdict] += 1
             if verdict.verdict == "violation":
                 found.append(f"{ref.episode_id} {verdict.rule}: {verdict.explanation}")
