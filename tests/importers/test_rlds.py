@@ -1,6 +1,7 @@
 """RLDS datasets: what they hold comes through, and what is damaged or hostile is told in words."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,3 +222,35 @@ def test_mistakes_in_the_map_are_told(tmp_path, old, new, told):
     done = import_set(tmp_path, source, columns.replace(old, new))
     assert done.code == 2
     assert told in done.err
+
+
+THEIRS = Path(__file__).parent / "foreign" / "rlds"
+THEIR_MAP = """
+[source]
+quaternion = "xyzw"
+dt = 0.1
+[columns]
+success = "reward"
+joint_position = "observation/state"
+[columns.body.cube]
+position = "observation/cube_pose[0:3]"
+orientation = "observation/cube_pose[3:7]"
+[body.cube]
+shapes = [{ kind = "box", size = [0.02, 0.02, 0.02] }]
+[body.table]
+position = [0, 0, -0.02]
+shapes = [{ kind = "box", size = [1, 1, 0.02] }]
+"""
+
+
+def test_what_tensorflow_datasets_wrote_itself(tmp_path):
+    """With images, tensors of two axes and float64, and two splits."""
+    (tmp_path / "map.toml").write_text(THEIR_MAP)
+    done = run("import", THEIRS, "--to", tmp_path / "data", "--map", tmp_path / "map.toml")
+    assert done.code == 0, done.err
+    for name, frames, way in (("train_0", 8, 0.1), ("train_1", 9, 0.2), ("val_0", 8, 0.1)):
+        episode = load(tmp_path / "data", f"rlds/{name}")
+        x = episode.track("cube").position[:, 0]
+        assert x == pytest.approx(np.linspace(0, way, frames), abs=1e-7)
+        assert episode.header.success_time == pytest.approx(0.1 * (frames - 2))
+        assert episode.header.instruction == "push the cube"
