@@ -91,13 +91,9 @@ def page(rows: Path) -> str:
     for policy in counts[counts > 1].index:
         compared = told("compare", str(rows), "--by", "prompt", "--where", f"policy={policy}",
                         "--between", "default", "specific")  # fmt: skip
-        whole = [
-            line
-            for line in compared.splitlines()
-            if not line.startswith("| ") or line[2:5] in ("of ", "All")
-        ]
+        first = compared[compared.index("| of | metric") :].partition("\n\n")[0].splitlines()
         parts += [f"## `{policy}`, default and specific prompt on the same rollouts",
-                  "\n".join(line for line in whole if line.startswith("|"))]  # fmt: skip
+                  "\n".join(first[:2] + [line for line in first if line.startswith("| All")])]  # fmt: skip
     parts += ["## Training", training()]
     parts.append(
         NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[2].strip()
