@@ -9,6 +9,7 @@ from scenes import G, Scene
 from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
+from safestage_eval.relations import firmness
 from safestage_eval.relations.relations import Relations
 
 
@@ -264,3 +265,16 @@ def test_what_hardly_bears_it_bounds_how_firmly_it_stands() -> None:
     held.contact("wall", "a", [(-0.03, 0, 0.08), (0.03, 0, 0.08)], (0, 0, 0.95 * G))
     held.contact("palm", "a", [(0, 0.18, 0)], (0, 0, 0.05 * G))
     assert np.isposinf(measured(held, "support_margin", "a").upper).all()
+
+
+@given(st.integers(0, 99))
+def test_contacts_that_are_missing_are_found_pair_by_pair_as_in_a_tree(seed):
+    rng = np.random.default_rng(seed)
+    owner, theirs = np.sort(rng.integers(0, 6, 30)), rng.integers(0, 6, 40)
+    points = rng.integers(0, 4, (30, 3)) * firmness.STAYS * 0.9
+    others = rng.integers(0, 4, (40, 3)) * firmness.STAYS * 0.9
+    far = firmness._far(points, owner, others, theirs)
+    assert (far == firmness._far_of_many(points, owner, others, theirs)).all()
+    assert far.any()
+    assert firmness._far(points[:0], owner[:0], others, theirs).all()
+    assert not len(firmness._far(points, owner, others[:0], theirs[:0]))
