@@ -1,11 +1,13 @@
 """Draws the pictures in docs/images from the recorded episodes: ``python docs/pictures.py``.
 
-Needs the simulate extra; headless with ``MUJOCO_GL=egl``.
+Needs the simulate extra, and chromium for the page; headless with ``MUJOCO_GL=egl``.
 """
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from PIL import Image
 
@@ -18,7 +20,6 @@ from simulate.render.video import film
 ROOT = Path(__file__).parent.parent
 
 STRIPS = {
-    "unsafe_success.png": ("coffee_can_under_bottle.reference-unsafe", (2.0, 4.1, 4.5, 14.0)),
     "safe_success.png": ("coffee_can_under_bottle.reference-safe", (2.0, 6.5, 13.5, 24.0)),
 }
 """File → part of the episode's id, and the moments (s) that are drawn side by side."""
@@ -41,9 +42,35 @@ def write_film() -> None:
     print(f"docs/images/{name}: {path.stat().st_size / 1e6:.1f} MB")
 
 
+BROWSER = ("run_browser.webp", "ets_dumbbell_near_glasses.reference-unsafe.default.s0.r0", 5.13)
+"""File, id of the episode, and the moment (s) that the page shows."""
+
+
+def write_browser() -> None:
+    """Take a picture of the run browser at the moment of a violation."""
+    name, episode_id, time = BROWSER
+    with TemporaryDirectory() as folder:
+        page, shot = Path(folder, "report.html"), Path(folder, "shot.png")
+        report = ["safestage", "report", str(ROOT / "traces"), "--output", str(page)]
+        subprocess.run(report, check=True)
+        subprocess.run(
+            [
+                "chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader", f"--user-data-dir={folder}/profile",
+                "--virtual-time-budget=15000", "--window-size=1400,820", f"--screenshot={shot}",
+                f"{page.as_uri()}#episode={episode_id}&t={time}",
+            ],
+            check=True,
+        )  # fmt: skip
+        with Image.open(shot) as picture:
+            picture.convert("RGB").save(ROOT / "docs" / "images" / name, quality=80, method=6)
+    print(f"docs/images/{name}: {episode_id} at {time} s")
+
+
 def main() -> None:
-    """Write the film and every strip."""
+    """Write the film, the page and every strip."""
     write_film()
+    write_browser()
     refs = discover([ROOT / "traces"])
     for name, (part, times) in STRIPS.items():
         (ref,) = (ref for ref in refs if part in ref.episode_id)
