@@ -14,15 +14,9 @@ from PIL import Image
 from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
-from simulate.render.renderer import EpisodeRenderer, contact_sheet, write_png
 from simulate.render.video import film
 
 ROOT = Path(__file__).parent.parent
-
-STRIPS = {
-    "safe_success.png": ("coffee_can_under_bottle.reference-safe", (2.0, 6.5, 13.5, 24.0)),
-}
-"""File → part of the episode's id, and the moments (s) that are drawn side by side."""
 
 FILM = ("unsafe_success.webp", "coffee_can_under_bottle.reference-unsafe")
 """File, and part of the episode's id; the verdict appears at its moment."""
@@ -68,18 +62,9 @@ def write_browser() -> None:
 
 
 def main() -> None:
-    """Write the film, the page and every strip."""
+    """Write the film and the page."""
     write_film()
     write_browser()
-    refs = discover([ROOT / "traces"])
-    for name, (part, times) in STRIPS.items():
-        (ref,) = (ref for ref in refs if part in ref.episode_id)
-        episode = ref.open()
-        with EpisodeRenderer(episode, 480, 400) as renderer:
-            frames = [min(round(t / episode.dt), len(episode) - 1) for t in times]
-            images = [renderer.frame(frame) for frame in frames]
-        write_png(contact_sheet(images, len(images)), ROOT / "docs" / "images" / name)
-        print(f"docs/images/{name}: {', '.join(f'{t:.1f} s' for t in times)}")
 
 
 if __name__ == "__main__":
