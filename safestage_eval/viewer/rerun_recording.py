@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval._process.run_module import run_module
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.evidence.series import Series
@@ -63,27 +62,19 @@ def write_rerun(
         plan = Path(folder) / "plan.rbl"
         write_mcap(episode, Path(folder) / "episode.mcap", events)
         name = episode.header.episode_id
-        _rerun(
-            "mcap", "convert", str(Path(folder) / "episode.mcap"), "-o", str(scene),
+        run_module(
+            "rerun", "mcap", "convert", str(Path(folder) / "episode.mcap"), "-o", str(scene),
             "--application-id", APPLICATION, "--recording-id", name,
         )  # fmt: skip
         _write_signals(episode, decided, signals)
         _blueprint(episode, decided).save(APPLICATION, str(plan))
         with replacing(path) as part:
-            _rerun("rrd", "merge", str(plan), str(signals), str(scene), "-o", str(part))
+            run_module(
+                "rerun", "rrd", "merge", str(plan), str(signals), str(scene), "-o", str(part)
+            )
         with replacing(blueprint) as part:
             part.write_bytes(plan.read_bytes())
     return blueprint
-
-
-def _rerun(*arguments: str) -> None:
-    """Run Rerun's own command. Raises InputError if it fails."""
-    done = subprocess.run(  # noqa: S603 — our own arguments
-        [sys.executable, "-m", "rerun", *arguments], capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or [""])[-1]
-        raise InputError(f"rerun {arguments[0]} {arguments[1]}", f"failed: {last}")
 
 
 def _write_signals(episode: Episode, decided: Sequence[Panel], path: Path) -> None:
