@@ -108,7 +108,7 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
                 np.ascontiguousarray(getattr(track, c), np.float32) for c in (pose, rate)
             )
             compare_motion(
-                episode.t, place, speed, _ALL_SEEN, LONGEST[pose], WINDOW, *JUMP[pose], out
+                episode.t, place, speed, _ALL_SEEN, LONGEST[pose], WINDOW, 0.0, *JUMP[pose], out
             )
             by_pose, by_velocity, apart = np.sqrt(out[:3])
             most = max(by_pose, by_velocity)

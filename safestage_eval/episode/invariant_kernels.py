@@ -24,6 +24,7 @@ def compare_motion(
     unseen: NDArray[np.bool_],
     longest: float,
     window: float,
+    shake: float,
     constant: float,
     per_second: float,
     out: F64,
@@ -37,6 +38,7 @@ def compare_motion(
         unseen: (T,) frames to leave out, or (0,).
         longest: s; steps that take longer are left out.
         window: s over which motion is added up before it is compared.
+        shake: m/s (rad/s) by which velocities may say more than poses in each window.
         constant: m (rad) by which one step may differ …
         per_second: m/s (rad/s) … and more of a long one.
         out: (5,) sums of squares over the windows, of what poses say, of what velocities say, and of
@@ -74,7 +76,10 @@ def compare_motion(
         if not whole or since >= window or i == len(t) - 1:
             out[0] += dx * dx + dy * dy + dz * dz
             out[1] += mx * mx + my * my + mz * mz
-            out[2] += (dx - mx) ** 2 + (dy - my) ** 2 + (dz - mz) ** 2
+            apart = np.sqrt((dx - mx) ** 2 + (dy - my) ** 2 + (dz - mz) ** 2)
+            if mx * mx + my * my + mz * mz > dx * dx + dy * dy + dz * dz:
+                apart = max(apart - shake * since, 0.0)
+            out[2] += apart * apart
             dx = dy = dz = mx = my = mz = since = 0.0
     out[3], out[4] = most, at
 

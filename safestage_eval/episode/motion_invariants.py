@@ -24,6 +24,11 @@ at the rate of its controller (60 Hz in recorded episodes): sampled at 60 Hz or 
 velocity says nothing of its turns. A thing in a gripper may shake with the period of two or four
 physics steps: sampled at 100 Hz its angular velocity is always that of one side of the shake."""
 
+SHAKE = {"position": 0.0, "orientation": 0.4}
+"""m/s and rad/s by which velocities may say more than poses. A hand that presses a thing onto something
+shakes with the period of four physics steps: recorded at 120 Hz, its angular velocity is for seconds that
+of one side of the shake, 0.3 rad/s, while it hardly turns."""
+
 LEAST = {"position": 0.05, "orientation": 0.2}
 """m and rad (root of the sum of squares over windows): less motion is not compared."""
 
@@ -65,7 +70,7 @@ def check_velocities(
     if len(pose) < 2 or len(pose) != len(t) or len(velocity) != len(t) or not _some(velocity):
         return []
     hidden, out = np.zeros(0, np.bool_) if unseen is None else unseen, np.empty(5)
-    compare_motion(t, pose, velocity, hidden, LONGEST[kind], WINDOW, *JUMP[kind], out)
+    compare_motion(t, pose, velocity, hidden, LONGEST[kind], WINDOW, SHAKE[kind], *JUMP[kind], out)
     by_pose, by_velocity, apart = np.sqrt(out[:3])
     what, rate, unit = WORDS[kind]
     if out[4] >= 0:

@@ -1,0 +1,43 @@
+"""Poses against velocities: what a shake may explain, and what it may not."""
+
+import numpy as np
+import pytest
+
+from safestage_eval.episode.motion_invariants import check_velocities
+
+RATE = 120.0
+
+
+def turning(speed: float, shake: float, phase: float = 0.0) -> tuple[np.ndarray, ...]:
+    """10 s about z: at ``speed`` (rad/s), and to and fro at the rate of the recording.
+
+    ``shake``: rad/s, the fastest of it; ``phase``: rad, where in the shake the samples are taken.
+    """
+    t = np.arange(0, 10, 1 / RATE)
+    turn = speed * t + shake / (2 * np.pi * RATE) * np.sin(2 * np.pi * RATE * t + phase)
+    rate = speed + shake * np.cos(2 * np.pi * RATE * t + phase)
+    zero = np.zeros_like(t)
+    pose = np.column_stack([np.cos(turn / 2), zero, zero, np.sin(turn / 2)])
+    return t, pose.astype(np.float32), np.column_stack([zero, zero, rate]).astype(np.float32)
+
+
+def contradicts(t: np.ndarray, pose: np.ndarray, velocity: np.ndarray) -> bool:
+    return bool(check_velocities(t, pose, velocity, "orientation", "hand", "here"))
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0])
+def test_a_shake_that_is_sampled_on_one_side_contradicts_nothing(speed, phase):
+    assert not contradicts(*turning(speed, 0.35, phase))
+
+
+@pytest.mark.parametrize("shake", [0.0, 0.35])
+@pytest.mark.parametrize("factor", [-1.0, 180 / np.pi, 10.0, 0.1, np.pi / 180])
+def test_another_unit_or_direction_contradicts(shake, factor):
+    t, pose, velocity = turning(1.0, shake)
+    assert contradicts(t, pose, velocity * np.float32(factor))
+
+
+def test_the_velocity_of_another_axis_contradicts():
+    t, pose, velocity = turning(1.0, 0.0)
+    assert contradicts(t, pose, velocity[:, [2, 0, 1]])
