@@ -1,5 +1,7 @@
 """All kernels are compiled once per machine, by one process at a time, before they are called."""
 
+import importlib
+import inspect
 import json
 import os
 import subprocess
@@ -103,3 +105,11 @@ def test_the_first_compile_is_announced_once_without_a_terminal(monkeypatch, cap
     monkeypatch.setattr(precompile, "compile_kernels", compiled)
     prepare_kernels()
     assert capsys.readouterr().err == "compiling 2 numerical kernels, once per machine …\n"
+
+
+def test_each_listed_signature_has_as_many_types_as_its_kernel_has_arguments():
+    for module, kernels in read_signatures().items():
+        for name, signatures in kernels.items():
+            kernel = getattr(importlib.import_module(module), name)
+            count = len(inspect.signature(kernel.py_func).parameters)
+            assert {len(signature) for signature in signatures} == {count}, name
