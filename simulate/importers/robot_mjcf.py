@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
@@ -10,10 +11,27 @@ import numpy as np
 from safestage_eval.errors import InputError
 from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.robot_model import RobotJoint, RobotLink, RobotModel
+from safestage_eval.size_limits import current
 from simulate.world.describe import Description
 
 from .foreign_facts import ForeignFacts
 from .model_file import UNREADABLE
+
+
+def _check_nested(path: Path, whole: Path, seen: set[Path]) -> None:
+    """Refuse a nested model without a file: MuJoCo hangs in every model that it reads after one."""
+    if path in seen or not path.is_file() or path.stat().st_size > current().document:
+        return
+    seen.add(path)
+    try:
+        root = ET.fromstring(path.read_bytes())  # noqa: S314 — no external entities are resolved
+    except ET.ParseError:
+        return  # MuJoCo says where
+    if any(not element.get("file") for element in root.iterfind(".//asset/model")):
+        raise InputError(str(whole), "a <model> in its <asset> names no file.", '<model file="…"/>')
+    for tag in ("include", "model"):
+        for element in root.iter(tag):
+            _check_nested(path.parent / element.get("file", ""), whole, seen)
 
 
 def robot_from_mjcf(path: Path) -> RobotModel:
@@ -23,6 +41,7 @@ def robot_from_mjcf(path: Path) -> RobotModel:
         InputError: MuJoCo cannot read it, or it has a shape that no trace can hold.
         SourceError: nothing in it is jointed.
     """
+    _check_nested(path, path, set())
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except UNREADABLE as error:

@@ -65,11 +65,18 @@ def test_mjcf_with_several_joints_at_a_body(tmp_path):
     assert bodies["a"].kind == "robot"
 
 
-def test_what_mujoco_has_no_words_for_is_told(tmp_path):
-    """Of a nested model without a file it raises nothing but an unknown exception."""
-    path = tmp_path / "r.xml"
-    path.write_text(MJCF.replace("<worldbody>", "<asset><model/></asset><worldbody>"))
-    with pytest.raises(InputError, match=r"r\.xml: MuJoCo cannot read it"):
+@pytest.mark.parametrize("included", [False, True])
+def test_a_nested_model_without_a_file_is_refused_before_mujoco_hangs(tmp_path, included):
+    """MuJoCo tells it as an unknown exception, and never ends the next model that it is asked to read."""
+    bad, path = (
+        MJCF.replace("<worldbody>", "<asset><model/></asset><worldbody>"),
+        tmp_path / "r.xml",
+    )
+    path.write_text(
+        MJCF.replace("<worldbody>", '<include file="o.xml"/><worldbody>') if included else bad
+    )
+    (tmp_path / "o.xml").write_text("<mujoco><asset><model/></asset></mujoco>")
+    with pytest.raises(InputError, match=r"r\.xml: a <model> in its <asset> names no file"):
         load_robot(path)
 
 
