@@ -26,11 +26,14 @@ set = { min_clearance = "12 cm" }
 
 
 def unlabelled(name: str = "e1", task: str | None = "tea"):
-    """A box pushed up to 2 cm from another; nothing says which is which."""
+    """A hand pushes a box up to 2 cm from another; nothing says which is which."""
     frames = 240
-    x = np.clip(np.arange(frames) / 120 * 0.4, 0, 0.38)
+    x = np.clip((np.arange(frames) - 12) / 120 * 0.4, 0, 0.38)
     scene = Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
     scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
+    scene.box("hand", 0.02, np.column_stack([x - 0.07, 0 * x, 0 * x + 0.05]), kind="gripper")
+    for i in range(frames):
+        scene.contact("hand", "t", (x[i] - 0.05, 0, 0.05), (2, 0, 0), (1, 0, 0), slice(i, i + 1))
     scene.rests("p", "table", 0.05, (0.5, 0, 0), G).rests("t", "table", 0.05, (0, 0, 0), G)
     return scene.episode(episode_id=name, task=task, policy="pi0")
 
