@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -45,3 +46,12 @@ def test_opening_an_episode_loads_nothing_to_compute():
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not told.stdout.strip()
+
+
+@pytest.mark.parametrize("code", [-1, 2])
+def test_a_word_that_is_not_in_the_dictionary_is_refused(code):
+    words = pa.DictionaryArray.from_arrays(
+        pa.array([0, code], pa.int32()), pa.array(["a", "b"]), safe=False
+    )
+    with pytest.raises(pa.ArrowIndexError):
+        decoded(words)

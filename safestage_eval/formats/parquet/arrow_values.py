@@ -122,7 +122,7 @@ def flat_values(lists: pa.ListArray | pa.LargeListArray) -> NDArray[Any]:
 def decoded(words: pa.DictionaryArray) -> pa.Array:
     """Return the words that a dictionary array stands for; as ``flat_values``, of short texts.
 
-    ``pyarrow.array`` of a list would import pandas.
+    ``pyarrow.array`` of a list would import pandas. Raises ArrowIndexError for a word that is not there.
     """
     kind = words.dictionary.type
     short = len(words) * words.dictionary.nbytes <= _SHORT
@@ -130,6 +130,8 @@ def decoded(words: pa.DictionaryArray) -> pa.Array:
         return words.dictionary_decode()
     whole, binary = _OFFSETS[kind]
     names, codes = words.dictionary.view(binary).to_pylist(), words.indices.to_pylist()
+    if not all(code is None or 0 <= code < len(names) for code in codes):
+        return words.dictionary_decode()  # raises
     texts = [b"" if code is None else names[code] for code in codes]
     there = np.packbits(np.array([code is not None for code in codes], bool), bitorder="little")
     parts = (there, np.cumsum([0, *map(len, texts)], dtype=whole), b"".join(texts))
