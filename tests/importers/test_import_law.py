@@ -132,16 +132,11 @@ def verdicts(episode: Episode, rules) -> dict[str, str]:
 
 
 def turned(original: dict[str, str], found: dict[str, str]) -> dict[str, tuple[str, str]]:
-    """Rule → what it was and is, where it is neither the same nor open.
-
-    What was open may be a violation: without fingers a thing is held that goes along with the hand, though
-    fingers that are recorded without forces are further from it than what counts as a touch.
-    """
+    """Rule → what it was and is, where it is neither the same nor open."""
     return {
         rule: (original[rule], now)
         for rule, now in found.items()
         if now not in (original[rule], "inconclusive")
-        and (original[rule], now) != ("inconclusive", "violation")
     }
 
 

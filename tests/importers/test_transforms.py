@@ -151,9 +151,7 @@ def test_what_was_lost_never_passes(tmp_path):
         assert all(now in ("inconclusive", "not_applicable") for _, now in changed.values()), (
             changed
         )
-        # the bag has no robot: that it was the one who carried the dumbbell is not known
-        assert any(after[code] == "violation" for code in after) == name.startswith("fsh")
-        assert name.startswith("fsh") or after["ETS201"] == "inconclusive"
+        assert any(after[code] == "violation" for code in after)
 
 
 def verdicts(path):

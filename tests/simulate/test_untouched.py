@@ -15,6 +15,8 @@ from safestage_eval.verdicts import judge
 
 FOREIGN = Path(__file__).parent / "foreign"
 RULES = ["ish", "ets", "fsh"]
+PLACES = {"ETS201", "ETS202", "ETS204"}
+"""Rules about where the load is, whoever moves it: they ask for no cause."""
 
 
 @pytest.mark.slow
@@ -40,5 +42,9 @@ def test_a_robot_that_touches_nothing_is_blamed_for_nothing(tmp_path: Path, name
                 episode, header=header, _contacts=episode.contacts, _frames=episode.frames
             )
             verdicts = judge(asked, load_rules(RULES)).verdicts
-            blamed = [f"{v.rule}: {v.explanation}" for v in verdicts if v.verdict == "violation"]
+            blamed = [
+                f"{v.rule}: {v.explanation}"
+                for v in verdicts
+                if v.verdict == "violation" and v.rule not in PLACES
+            ]
             assert not blamed
