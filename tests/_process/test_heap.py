@@ -47,7 +47,8 @@ before = held()
 bound = heap.Bound((before + 40) << 20)
 kept = []
 for _ in range(100):  # what goes and what stays, in turn
-    kept.append((bytearray(b"x") * (1 << 20), bytearray(1000)))  # written, thus resident
+    # both written, thus resident; the small one fits no hole that is left from the start
+    kept.append((bytearray(b"x") * (1 << 20), bytearray(b"x") * (64 << 10)))
 kept = [small for _, small in kept]
 print(held() - before, bound.hold(), held() - before, bound.hold())
 """
