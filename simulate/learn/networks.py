@@ -7,6 +7,7 @@ exported and acts, ``loss`` is what is trained.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from itertools import pairwise
 from typing import Any
 
@@ -113,7 +114,7 @@ class Head(nn.Module):  # type: ignore[misc]
         return torch.cat([mixed + STEP_UNIT * rest[..., :3], turned, rest[..., 9:]], -1)
 
 
-class Network(nn.Module):  # type: ignore[misc]
+class Network(nn.Module, ABC):  # type: ignore[misc]
     """What the three have in common.
 
     Attributes:
@@ -140,13 +141,13 @@ class Network(nn.Module):  # type: ignore[misc]
         answer = self.answer(inputs, noise)
         return torch.cat([answer[..., :3] + arm[:, None, :3], answer[..., 3:]], -1)
 
+    @abstractmethod
     def answer(self, inputs: Inputs, noise: Tensor) -> Tensor:
         """(B, chunk, ANSWER), positions from the TCP."""
-        raise NotImplementedError
 
+    @abstractmethod
     def loss(self, inputs: Inputs, target: Tensor, mask: Tensor) -> Tensor:
         """Of answers (B, chunk, ANSWER), positions from the TCP, where ``mask`` (B, chunk) is 1."""
-        raise NotImplementedError
 
 
 class BehaviourCloning(Network):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from still_robots import write_still
+from still_robots import PLACES, write_still
 
 from safestage_eval.formats import discover
 from safestage_eval.importers import Settings, import_all
@@ -15,8 +15,6 @@ from safestage_eval.verdicts import judge
 
 FOREIGN = Path(__file__).parent / "foreign"
 RULES = ["ish", "ets", "fsh"]
-PLACES = {"ETS201", "ETS202", "ETS204"}
-"""Rules about where the load is, whoever moves it: they ask for no cause."""
 
 
 @pytest.mark.slow
