@@ -157,11 +157,23 @@ def campaign(
 ) -> list[Outcome]:
     """Many edits, in one process or several."""
     parts = [range(i, min(i + 40, edits)) for i in range(0, edits, 40)]
+    out: list[Outcome] = []
+
+    def add(outcomes: Sequence[Outcome]) -> None:
+        out.extend(outcomes)
+        if sys.stderr.isatty():
+            bad = sum(bool(o.breaches) for o in out)
+            print(f"\r{len(out)} of {edits} edits, {bad} breaches", end="", file=sys.stderr)
+
     if jobs == 1:
-        return [o for part in parts for o in _batch(tuple(paths), seed, part, kinds)]
-    with ProcessPoolExecutor(jobs) as pool:
-        futures = [pool.submit(_batch, tuple(paths), seed, part, kinds) for part in parts]
-        return [o for future in futures for o in future.result()]
+        for part in parts:
+            add(_batch(tuple(paths), seed, part, kinds))
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            futures = [pool.submit(_batch, tuple(paths), seed, part, kinds) for part in parts]
+            for future in futures:
+                add(future.result())
+    return out
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.masks import widened
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
-from . import hidden_start
+from . import event_order, hidden_start
 from .answers import Found
 from .computed_signals import ComputedSignals
 from .costly import Costly
@@ -189,12 +189,16 @@ class Conditions(ComputedSignals, ABC):
             return self._gated(self.condition(plain, env, wanted), gates, env, wanted)
         if id(condition) not in self._cheap and not self.costly.asked(condition):
             self._cheap[id(condition)] = condition
+        if id(condition) in self._cheap and len(condition.atoms) == 1:
+            return self.atom(condition.atoms[0], env)
+        if event_order.depends_on_order(condition, self.clock.coarse):
+            bands = [self.atom(atom, env) for atom in condition.atoms]
+            bands = event_order.in_any_order(condition, bands, self.clock.coarse)
+            return band.both(bands, self.frames)
         if id(condition) in self._cheap:
-            if len(condition.atoms) == 1:
-                return self.atom(condition.atoms[0], env)
             return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
-        bands: list[Band] = []
+        bands = []
         decided = 0  # how many of them the mask knows of
         for atom in self.costly.sorted(condition.atoms):
             if self.costly.asked(atom):

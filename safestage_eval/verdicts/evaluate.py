@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from safestage_eval.episode import Window
@@ -191,11 +193,17 @@ class Evaluator(PartialStates):
 
     def _persistent(self, state: ast.StateDef, found: Band) -> Band:
         """As in the base class; what shows in too few samples that are far apart is unknown."""
-        window = self.window(state.for_)
+        window, coarse = self.window(state.for_), self.clock.coarse
         lasts = self._lasting(state, found, window)
-        if state.for_ is None or not self.clock.coarse.any():
+        lower, upper = lasts.lower, lasts.upper
+        if (
+            state.gap is not None and coarse.any()
+        ):  # what ended between two such samples is seen as over
+            apart = self._lasting(replace(state, gap=None), found, window).lower
+            lower = np.where(coarse, np.minimum(lower, apart), lower)
+            lasts = Band(lower, upper)
+        if state.for_ is None or not coarse.any():
             return lasts
-        coarse, lower, upper = self.clock.coarse, lasts.lower, lasts.upper
         strict = self.clock.surely(lasting(self.duration(state.for_)))
         surely = self._lasting(state, found, strict).lower
         lower = np.where(coarse, np.minimum(lower, surely), lower)

@@ -8,6 +8,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import TINY, Bool
 from safestage_eval.states.scope import Scope
 
+from . import event_order
 from .evaluate import Evaluator
 from .instance import Instance
 from .obligations import OBLIGATIONS
@@ -95,7 +96,8 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     for clause in rule.clauses:
         kind = OBLIGATIONS[clause.kind]
         found = evaluator.only_signs(kind.band, evaluator, clause.what, env, scope)
-        out[scope.first : scope.stop] |= kind.broken(found, scope.certain, lasting)
+        known = event_order.begun_between(clause.what, scope, evaluator.clock.coarse)
+        out[scope.first : scope.stop] |= kind.broken(found, known.certain, lasting)
     return out
 
 

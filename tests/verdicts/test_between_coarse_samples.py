@@ -99,3 +99,29 @@ def test_drawn_scenes_recorded_rarely_never_get_the_opposite_verdict(rule, name)
                      for e in (whole, rare))  # fmt: skip
     assert certain in ("violation", "pass")
     assert less in (certain, "inconclusive")
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [(10.0, "inconclusive"), (120.0, "violation")])
+def test_what_begins_with_an_event_may_have_come_after_it(rate, verdict):
+    rule = f'forbid = {{ any = ["start of p(a)"], "q(b)" = true }}\n{BOTH}'
+    assert judged("0001111", "0001111", rule, rate)[0] == verdict
+    assert judged("0001111", "0011111", rule, rate)[0] == "violation"
+    assert judged("0001111", "0000111", rule, rate)[0] == "pass"
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [(10.0, "inconclusive"), (120.0, "violation")])
+def test_what_the_first_sample_of_a_scope_shows_may_have_come_before_it(rate, verdict):
+    rule = 'during = "from q(b) to success"\nforbid = "start of p(a)"'
+    assert judged("0001111", "0001111", rule, rate)[0] == verdict
+    assert judged("0000111", "0001111", rule, rate)[0] == "violation"
+    assert judged("0011111", "0001111", rule, rate)[0] == "pass"
+    assert judged("0001111", "1111111", rule, rate)[0] == "violation"
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [(10.0, "inconclusive"), (120.0, "pass")])
+def test_a_gap_of_one_sample_may_have_been_long(rate, verdict):
+    state = STATE.format("1 frame") + 'gap = "1 frame"\n'
+    rule = f'require = {{ "s(a)" = true }}\n{state}'
+    assert judged("1110111", "0000000", rule, rate)[0] == verdict
+    assert judged("1111111", "0000000", rule, rate)[0] == "pass"
+    assert judged("1100011", "0000000", rule, rate)[0] == "violation"

@@ -14,6 +14,7 @@ from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.persistence import held_from
 from safestage_eval.states.scope import Scope, mask_of
+from safestage_eval.verdicts import event_order
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.instance import Instance
 from safestage_eval.verdicts.look_ahead import Foresight, Look
@@ -59,7 +60,8 @@ class Obligation(ABC):
     ) -> Margin:
         """The margin of ``what`` in a scope, for the bodies of ``env``."""
         lasting = evaluator.window(rule.for_).within(scope.first, scope.stop)
-        return self.margin_of(self.band(evaluator, what, env, scope), scope.sure, lasting)
+        known = event_order.begun_between(what, scope, evaluator.clock.coarse)
+        return self.margin_of(self.band(evaluator, what, env, scope), known.sure, lasting)
 
     def band(self, evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
         """(N,) margins of the condition in the N frames of a scope."""
