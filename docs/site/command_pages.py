@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 
 import click
@@ -13,23 +14,34 @@ HEAD = """\
 # Every command and option
 
 Written from the commands themselves: what `safestage COMMAND --help` prints. [The command line](../cli.md) says
-what all of them have in common.
-
-Every command also takes `--limits`, which lets it read larger episodes ([limits](../security.md#limits)).
+what all of them have in common. Every command also takes `--limits`, which lets it read larger episodes
+([limits](../security.md#limits)).
 """
+
+SHARED = "## Shared options\n"
+
+MANY = 4
+"""An option that so many commands take alike is described once."""
+
+Row = tuple[str, str]
+"""An option's names with what it takes, and what it does."""
 
 
 def commands_page() -> str:
     """All commands, subcommands included, with their options."""
-    context = click.Context(group, info_name="safestage")
-    parts = [HEAD]
-    for name in group.list_commands(context):
-        command = group.get_command(context, name)
-        if command is None:
-            raise LookupError(
-                f"safestage {name} cannot be loaded: is the extra simulate installed?"
-            )
-        parts.extend(_sections(command, click.Context(command, context, name), 2))
+    parents = click.Context(group, info_name="safestage")
+    commands = [
+        found
+        for name in group.list_commands(parents)
+        for found in _tree(
+            _command(name, parents), click.Context(_command(name, parents), parents, name), 2
+        )
+    ]
+    counts = Counter(row for command, context, _ in commands for row in _rows(command, context))
+    shared = {row for row, count in counts.items() if count >= MANY}
+    parts = [HEAD, SHARED, *_table(row for row in counts if row in shared)]
+    for command, context, level in commands:
+        parts.extend(_section(command, context, level, shared))
     return "\n".join(parts)
 
 
@@ -38,35 +50,58 @@ def plain(text: str) -> str:
     return re.sub(r"([\\`*_<>\[\]|])", r"\\\1", text)
 
 
-def _sections(command: click.Command, context: click.Context, level: int) -> Iterator[str]:
+def _command(name: str, context: click.Context) -> click.Command:
+    command = group.get_command(context, name)
+    if command is None:
+        raise LookupError(f"safestage {name} cannot be loaded: is the extra simulate installed?")
+    return command
+
+
+def _tree(
+    command: click.Command, context: click.Context, level: int
+) -> Iterator[tuple[click.Command, click.Context, int]]:
+    """A command and its subcommands, each with the level of its heading."""
+    yield command, context, level
+    if isinstance(command, click.Group):
+        for name, one in command.commands.items():
+            yield from _tree(one, click.Context(one, context, name), level + 1)
+
+
+def _section(
+    command: click.Command, context: click.Context, level: int, shared: set[Row]
+) -> Iterator[str]:
     yield f"{'#' * level} {context.command_path}\n"
     if not isinstance(command, click.Group):
         usage = " ".join(command.collect_usage_pieces(context))
         yield f"```\n{context.command_path} {usage}\n```\n"
     yield from _help(command.help or "")
-    options = [row for row in _rows(command, context) if row is not None]
-    if options:
-        yield "| option | does |\n|---|---|"
-        yield "\n".join(options) + "\n"
-    if isinstance(command, click.Group):
-        for name, one in command.commands.items():
-            yield from _sections(one, click.Context(one, context, name), level + 1)
+    rows = list(_rows(command, context))
+    yield from _table(row for row in rows if row not in shared)
+    also = [names.split(",")[0].split(" ")[0] for names, does in rows if (names, does) in shared]
+    if also:
+        yield f"Also takes [{', '.join(also)}](#shared-options).\n"
 
 
 def _help(text: str) -> Iterator[str]:
-    """Paragraphs; those that click leaves as they are become code."""
+    """Paragraphs; those that click leaves as they are become code, below their heading."""
     for paragraph in text.split("\n\n"):
         if not paragraph.lstrip().startswith("\b"):
             yield plain(" ".join(paragraph.split())) + "\n"
             continue
-        lines = paragraph.replace("\b", "").strip("\n").splitlines()
+        lines = [line for line in paragraph.replace("\b", "").splitlines() if line.strip()]
         if lines[0].rstrip().endswith(":"):
             yield f"{plain(lines.pop(0).strip())}\n"
-        indent = min(len(line) - len(line.lstrip()) for line in lines if line.strip())
+        indent = min(len(line) - len(line.lstrip()) for line in lines)
         yield "\n".join(["```", *(line[indent:].rstrip() for line in lines), "```\n"])
 
 
-def _rows(command: click.Command, context: click.Context) -> Iterator[str | None]:
+def _table(rows: Iterator[Row]) -> Iterator[str]:
+    lines = [f"| {names} | {does} |" for names, does in rows]
+    if lines:
+        yield "\n".join(["| option | does |", "|---|---|", *lines]) + "\n"
+
+
+def _rows(command: click.Command, context: click.Context) -> Iterator[Row]:
     for parameter in command.params:
         if not isinstance(parameter, click.Option) or "--limits" in parameter.opts:
             continue
@@ -74,5 +109,10 @@ def _rows(command: click.Command, context: click.Context) -> Iterator[str | None
         if record is None:
             continue
         names = ", ".join(f"`{name}`" for name in (*parameter.opts, *parameter.secondary_opts))
-        takes = "" if parameter.is_flag else f" {plain(parameter.make_metavar(context))}"
-        yield f"| {names}{takes} | {plain(' '.join(record[1].split()))} |"
+        takes = "" if parameter.is_flag else f" {plain(_takes(parameter, context))}"
+        yield f"{names}{takes}", plain(" ".join(record[1].split()))
+
+
+def _takes(option: click.Option, context: click.Context) -> str:
+    """What an option takes, without click's names of types: the range is in what it does."""
+    return option.make_metavar(context).replace("INTEGER RANGE", "N").replace("FLOAT RANGE", "X")

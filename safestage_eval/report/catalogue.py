@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -42,9 +43,12 @@ INTRO = """\
 <!-- Written by `make catalogue` from rules/*.toml; changes belong there. -->
 
 Every built-in rule by its code. The letters say the stage, the first digit the task family. A task is
-judged by the rules that its header assigns; verdicts of the others are listed as findings. `safestage rules show
-CODE` prints an entry with all its definitions, `safestage rules test` runs the examples, which are
-drawn in [rules/examples](../rules/examples). [meanings.md](meanings.md) explains the words.
+judged by the rules that its header assigns; verdicts of the others are listed as findings.
+
+Limits stand with the name of their parameter. A rule that rests on states, such as `contact` or `moved`, reads their
+parameters too: [the shared parameters](#the-shared-parameters) says which family reads which. Examples are
+[sketches](../rules/examples), with the number of variants where there are several. `safestage rules show CODE` prints
+all definitions and variants, `safestage rules test` judges them. [meanings.md](meanings.md) explains the words.
 """
 SHARED = """\
 ## The shared parameters
@@ -86,10 +90,12 @@ def _rules(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
         yield f"## {family[:3]}: {name}\n"
         for code in sorted(rules.rules):
             if code.startswith(family):
-                yield from _rule(rule_facts(rules, rules.rules[code], whence))
+                rule = rules.rules[code]
+                own = {name: words.value(value) for name, value in rule.set}
+                yield from _rule(rule_facts(rules, rule, whence), own)
 
 
-def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
+def _rule(facts: Mapping[str, Any], own: Mapping[str, str]) -> Iterator[str]:
     yield f"### {facts['code']}\n"
     yield f"**{facts['title']}.** {facts['why']}\n"
     roles = ", ".join(f"`{name}` ({text})" for name, text in facts["roles"].items())
@@ -102,13 +108,13 @@ def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
             f"{level}: also with {', '.join(f'{n} = {v}' for n, v in values.items())}"
             for level, values in facts["severity"].items()
         ),
-        "parameters": ", ".join(f"`{p['name']}` {p['value']}" for p in facts["parameters"]),
+        "own values": ", ".join(f"`{name}` {value}" for name, value in own.items()),
         "by material": ", ".join(dict.fromkeys(f"`{m['column']}`" for m in facts["materials"])),
         "trace needs": ", ".join(facts["needs"]),
-        "violated by": _names(facts["examples"]["violates"]),
-        "passed by": _names(facts["examples"]["passes"]),
-        "nothing to judge in": _names(facts["examples"]["vacuous"]),
-        "left undecided": _names(facts["examples"]["undecided"]),
+        "violated by": _scenes(facts["examples"]["violates"]),
+        "passed by": _scenes(facts["examples"]["passes"]),
+        "nothing to judge in": _scenes(facts["examples"]["vacuous"]),
+        "left undecided": _scenes(facts["examples"]["undecided"]),
     }
     yield from _table(("", ""), [(key, text) for key, text in entries.items() if text])
     yield ""
@@ -182,8 +188,10 @@ def _materials(rules: ast.RuleSet) -> Iterator[str]:
     yield from _table(("material", *(f"`{column}`" for column in columns)), rows)
 
 
-def _names(names: Iterable[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
+def _scenes(examples: Iterable[str]) -> str:
+    """The scenes of examples, each with how many variants of it there are."""
+    counts = Counter(name.partition("(")[0].strip() for name in examples)
+    return ", ".join(f"`{name}`" + f" × {count}" * (count > 1) for name, count in counts.items())
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
