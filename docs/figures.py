@@ -159,9 +159,8 @@ HEAD = (
     "",
     "A signal is one number per frame, without any threshold; a relation is true or false. Each is",
     "shown on a scene: left at two moments, right over time, as the evaluator measures it. The dots",
-    "are the two moments; a gap is a stretch in which the value is not known. [meanings.md](meanings.md)",
-    "has them all in one table, [rules.md](rules.md) says how a rule uses them, and",
-    "`safestage rules signals` lists them in the terminal. This page is made by `docs/figures.py`.",
+    "are the two moments; a gap is a stretch in which the value is not known. [rules.md](rules.md) says how",
+    "a rule uses them, `safestage rules signals` lists them in the terminal. This page is made by `docs/figures.py`.",
     "",
 )
 

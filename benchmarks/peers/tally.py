@@ -110,9 +110,19 @@ class Tally:
             mine.differences += count.differences
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Rule, function, run, agreed, differences; sorted."""
-        return [
-            (ours, theirs, f"{c.run:,} {unit}", f"{c.agreed:,}",
-             "; ".join(f"{n:,} {why}" for why, n in c.differences.most_common()))
-            for (ours, theirs, unit), c in sorted(self.counts.items())
-        ]  # fmt: skip
+        """Rule, function, run, agreed, differences; sorted. Rules that agree with one function throughout share a row."""
+        shared: dict[tuple[str, str], list[str]] = {}
+        for (ours, theirs, unit), count in sorted(self.counts.items()):
+            if not count.differences:
+                shared.setdefault((theirs, unit), []).append(ours)
+        rows = []
+        for (ours, theirs, unit), count in sorted(self.counts.items()):
+            with_it = [ours] if count.differences else shared.pop((theirs, unit), [])
+            if with_it:
+                counts = [self.counts[one, theirs, unit] for one in with_it]
+                rows.append((
+                    "; ".join(with_it), theirs, f"{sum(c.run for c in counts):,} {unit}",
+                    f"{sum(c.agreed for c in counts):,}",
+                    "; ".join(f"{n:,} {why}" for why, n in count.differences.most_common()),
+                ))  # fmt: skip
+        return rows

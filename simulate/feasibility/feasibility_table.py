@@ -31,11 +31,11 @@ def page(trials: Sequence[Trial]) -> str:
         "reaches the goal and passes, the unsafe one reaches it and violates an assigned rule.",
         "",
         "The margin is the distance of the decisive signal from its limit, negative when violated (kept or",
-        f"broken where there is no number); one value per seed. Recording ran at {middle} times real time (median per processor; {taken:.0f} minutes of",
-        "processor time in all).",
+        "broken where there is no number), for each seed; what several seeds have in common stands once. Recording",
+        f"ran at {middle} times real time (median per processor; {taken:.0f} minutes of processor time in all).",
         "",
-        "| task | safe: rule | margins | reached after | unsafe: rule | margins | reached after | speed |",
-        "|---|---|---|---|---|---|---|---|",
+        "| task | safe: rule | margins | goal at | unsafe: rule | margins | goal at |",
+        "|---|---|---|---|---|---|---|",
     ]
     for task in tasks:
         of_task = [trial for trial in trials if trial.task == task]
@@ -43,8 +43,7 @@ def page(trials: Sequence[Trial]) -> str:
         for policy in dict.fromkeys(trial.policy for trial in of_task):
             own = [trial for trial in of_task if trial.policy == policy]
             cells += [_rules(own), _margins(own), _times(own)]
-        speed = min(trial.speed for trial in of_task)
-        lines.append("| " + " | ".join([*cells, f"{speed:.0f}×"]) + " |")
+        lines.append("| " + " | ".join(cells) + " |")
     wrong = [trial for trial in trials if not trial.as_expected]
     if wrong:
         lines += ["", "## Not as they should be", ""]
@@ -90,14 +89,15 @@ def _margins(trials: Sequence[Trial]) -> str:
     signals = {(v.signal or "").partition("(")[0] for v in judged if v.margin is not None}
     if len(signals) <= 1 and judged:
         units = {unit_of(v.dimension) for v in judged if v.margin is not None and v.dimension}
-        numbers = ", ".join(_margin(v) for v in decisive)
+        numbers = ", ".join(dict.fromkeys(_margin(v) for v in decisive))
         return " ".join([*signals, numbers, *units])
-    return ", ".join(
+    each = (
         _margin(v)
         if v is None or v.margin is None
         else f"{(v.signal or '').partition('(')[0]} {_margin(v)} {unit_of(v.dimension or '')}".strip()
         for v in decisive
     )
+    return ", ".join(dict.fromkeys(each))
 
 
 def _margin(verdict: Verdict | None) -> str:
@@ -109,6 +109,8 @@ def _margin(verdict: Verdict | None) -> str:
 
 
 def _times(trials: Sequence[Trial]) -> str:
-    return (
-        ", ".join("–" if t.success_time is None else f"{t.success_time:.1f}" for t in trials) + " s"
-    )
+    """``9.8–10.1 s``: the earliest and the latest seed; a dash where one never came."""
+    times = [t.success_time for t in trials if t.success_time is not None]
+    if len(times) < len(trials):
+        return "–"
+    return "–".join(dict.fromkeys(f"{time:.1f}" for time in (min(times), max(times)))) + " s"
