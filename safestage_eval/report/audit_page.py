@@ -22,9 +22,8 @@ safestage audit traces/ --fail-on warning      exit code 1 for warnings as well
 safestage audit --explain AUD104               one check
 ```
 
-A verdict is worth what the recording is worth. `safestage audit` reads stored rollouts, no simulator
-needed, and lists what would make their verdicts wrong or empty. Each finding has a code, a place
-(episode, body, field, time), a likely cause and a fix.
+`safestage audit` reads stored rollouts and lists what would make their verdicts wrong or empty. Each finding has a
+code, a place (episode, body, field, time), a likely cause and a fix.
 
 | severity | means |
 |---|---|
@@ -32,13 +31,10 @@ needed, and lists what would make their verdicts wrong or empty. Each finding ha
 | warning | some verdicts cannot be relied on |
 | note | good to know |
 
-A defect is reported once: what follows from it (contacts off every surface, where lengths are in
-centimetres) is left out. `--select` and `--ignore` choose checks by code, or by how codes begin (`AUD1`).
-Output is a table, JSON, JUnit or GitHub annotations (`--format`). Exit code 0: audited; 1: `--fail-on`
-matched; 2: a trace could not be read, or wrong usage.
-
-What nobody can see in a recording is not found either: all lengths, masses and gravity in other units
-together, say.
+A defect is reported once: what follows from it (contacts off every surface, where lengths are in centimetres) is left
+out; *not beside* names the checks that explain a defect. `--select` and `--ignore` choose checks by code, or by how
+codes begin (`AUD1`). Lengths, masses and gravity all in other units together leave no trace in a recording, and are
+not found.
 
 This page is written from the declarations of the checks (`make audit-docs`).
 """
@@ -68,10 +64,10 @@ def _lines(check: Check) -> Iterator[str]:
     yield f"\n### {check.code}: {check.title}\n"
     seen = f" Seen in {link(check.issue)}." if check.issue else ""
     yield f"*{check.severity}.* {check.why}{seen}\n"
-    yield f"- **found** by this: {check.how}"
-    yield f"- **example**: {check.example}"
+    yield f"- **Check**: {check.how}"
+    yield f"- **Example**: {check.example}"
     if check.unless:
-        yield f"- **left out** where one of these explains it: {', '.join(check.unless)}"
+        yield f"- **Not beside** {', '.join(check.unless)}"
     yield ""
 
 
