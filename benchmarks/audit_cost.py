@@ -1,9 +1,9 @@
-"""What the audit of an episode costs, in this checkout and in another one, in turn.
+"""Compare the processor time of the audit between this checkout and another.
 
     python benchmarks/audit_cost.py FOLDER --against ../before --every 12
 
-Two processes, one of each checkout, audit the same episodes one after the other; each episode counts
-with the least processor time of ``--runs``, so that other work on the machine matters little.
+Two processes, one per checkout, take turns in auditing the same episodes. Each episode counts with the least
+of its ``--runs`` times, which other work on the machine disturbs least.
 """
 
 from __future__ import annotations

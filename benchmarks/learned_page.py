@@ -18,7 +18,7 @@ NOTES = Path(__file__).with_name("learned_notes.md")
 """Written by hand: what was tried, and what the rates do not show."""
 
 
-def told(*arguments: str) -> str:
+def printed_by(*arguments: str) -> str:
     """What a command of safestage prints as Markdown."""
     code = "from safestage_eval.cli import main; main()"
     done = subprocess.run(
@@ -37,7 +37,7 @@ def section(text: str, title: str) -> str:
     return "#" + text[begin : end if end > 0 else None].strip()
 
 
-def size(rows: pd.DataFrame) -> str:
+def rollout_table(rows: pd.DataFrame) -> str:
     """What was rolled out."""
     one = rows.drop_duplicates("episode_id")
     cells = one.groupby(["policy", "prompt"]).agg(
@@ -78,18 +78,18 @@ def training() -> str:
 def page(rows: Path) -> str:
     """The page."""
     table = pd.read_parquet(rows)
-    tables = told("aggregate", str(rows), "--intervals", "wilson")
+    tables = printed_by("aggregate", str(rows), "--intervals", "wilson")
     parts = [
         "# Learned policies on held-out seeds",
         "<!-- Written by benchmarks/learned_page.py; do not edit by hand. -->",
         NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[0].strip(),
-        "## Size", size(table),
+        "## Size", rollout_table(table),
         "## Rates", tables.partition("\n")[0],
         *(section(tables, title) for title in ("By policy", "By stage", "What became", "How far")),
     ]  # fmt: skip
     counts = table.drop_duplicates("episode_id").groupby("policy")["prompt"].nunique()
     for policy in counts[counts > 1].index:
-        compared = told("compare", str(rows), "--by", "prompt", "--where", f"policy={policy}",
+        compared = printed_by("compare", str(rows), "--by", "prompt", "--where", f"policy={policy}",
                         "--between", "default", "specific")  # fmt: skip
         first = compared[compared.index("| of | metric") :].partition("\n\n")[0].splitlines()
         parts += [f"## `{policy}`, default and specific prompt on the same rollouts",

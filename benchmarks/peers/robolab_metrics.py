@@ -64,7 +64,7 @@ def measures(checkout: Path, episode: Episode, rules: RuleSet, rate: float, tall
 
 
 def _ends(values: NDArray[Any], dt: float, times: int) -> float:
-    """What their trapezoids count more than our sum: half the squared jerk of the first sample less the last."""
+    """By how much the trapezoidal rule, which they use, exceeds our sum: half the first squared jerk less half the last, times dt."""
     jerk = values.astype(float)
     for _ in range(times):
         jerk = np.gradient(jerk, dt, axis=0)

@@ -1,4 +1,4 @@
-"""Pages made of files outside docs/, and what becomes of links that lead out of it."""
+"""Pages written from files outside docs/, and the rewriting of links that lead out of it."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ LINK = re.compile(r"(!?)\[([^\]]*)\]\(((?:\.\./)*)([^)\s:#]+)(#[^)\s]*)?\)")
 VERSIONS = """\
 # Versions
 
-SafeStage has versions of its own (`safestage --version`), and numbers for what it writes:
+`safestage --version` prints the version of SafeStage. What it reads and writes is versioned apart:
 
-| what | where it stands | when it changes |
+| format | version | changes when |
 |---|---|---|
-| a trace | `schema_version` of its header, `major.minor` | a minor only adds fields that may be missing; a newer major is refused with a message. A golden file of each version stays readable |
-| a rule file | `format = 1` under `[ruleset]` | a file of another format is refused (`R103`) |
-| a rule | its digest, in every result row | whenever anything that its verdict follows from changes, and not when prose or spelling does |
-| a result | `version`, `rule_digest` and `trace_hash` of each row | – |
+| a trace | `schema_version` of its header, `major.minor` | a minor version only adds optional fields; a newer major version is refused. Traces of every older version stay readable |
+| a rule file | `format = 1` under `[ruleset]` | the language changes; a file of another format is refused (`R103`) |
+| a rule | its digest, in every result row | anything changes that its verdict follows from; not with prose or spelling |
+| a result | `version`, `rule_digest` and `trace_hash` of each row | evaluator, rule or trace changes |
 
 """
 
 
 def versions_page(changelog: Path) -> str:
-    """What carries a version, and the changelog."""
+    """What SafeStage numbers apart from its own version, and the changelog."""
     text = changelog.read_text("utf-8")
     body = re.sub(r"^(#{2,3}) ", r"#\1 ", text.split("\n", 1)[1], flags=re.MULTILINE)
     return (

@@ -1,4 +1,4 @@
-"""What the documentation site has beside the files in docs/: pages written from the code while it is built."""
+"""MkDocs hooks: add the pages that are generated from code, and keep links inside the site."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ WRITTEN: dict[str, Callable[[], str]] = {
     "reference/versions.md": lambda: versions_page(DOCS.parent / "CHANGELOG.md"),
     "site.css": style_sheet,
 }
-"""Where on the site → what writes it."""
+"""Path on the site → function that generates it."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add what is written from code."""
+    """Add the generated pages and the notebooks."""
     for path, write in WRITTEN.items():
         files.append(File.generated(config, path, content=write()))
     for notebook in sorted((DOCS / "notebooks").glob("*.ipynb")):

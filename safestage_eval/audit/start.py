@@ -235,11 +235,11 @@ class _EarlyContacts(ContactTable):
 
     @cached_property
     def pairs(self) -> list[Pair]:
-        """As in the base class."""
+        """The pairs that touch in the first frames."""
         return [pair for pair in vars(self)["_table"].pairs if self._early(pair).any()]
 
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """As in the base class."""
+        """Columns of a pair in the first frames."""
         early = self._early(pair)
         return tuple(values[early] for values in vars(self)["_table"].of_pair(pair, *columns))
 

@@ -279,7 +279,7 @@ class _CleanTrack(Track):
         return found
 
     def over(self, frames: int) -> Track:
-        """As in the base class; only what is looked at is read."""
+        """The track over so many frames; only what is looked at is read."""
         if len(self) == frames:
             return self
         if len(self) != 1:
@@ -308,17 +308,17 @@ class _CleanContacts(ContactTable):
 
     @property
     def pairs(self) -> list[Pair]:
-        """As in the base class."""
+        """The pairs that touch."""
         found: list[Pair] = vars(self)["_table"].pairs
         return found
 
     def rows(self, pair: Pair) -> NDArray[np.intp]:
-        """As in the base class."""
+        """Rows of a pair in the table."""
         found: NDArray[np.intp] = vars(self)["_table"].rows(pair)
         return found
 
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """As in the base class."""
+        """Columns of a pair, with 0 in place of what is not finite; the gaps are marked."""
         table, gaps, clean = (vars(self)[name] for name in ("_table", "_gaps", "_clean"))
         whole: set[tuple[Pair, str]] = vars(self)["_whole"]
         found = list(table.of_pair(pair, *columns))

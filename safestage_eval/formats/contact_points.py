@@ -168,7 +168,7 @@ class PackedContacts(StoredColumns, ContactTable):
         vars(self).update({"_points": points, "_gathered": {}, **keys})
 
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """As in the base class; the points of a pair are gathered once for all columns."""
+        """Columns of one pair; its points are gathered once for all columns."""
         if pair not in self._gathered:
             self._gathered[pair] = self._points.view(RAW).take(self.rows(pair)).view(POINT)
         points = self._gathered[pair]

@@ -70,14 +70,14 @@ class StoredTrack(StoredColumns, Track):
 
     @property
     def columns(self) -> dict[str, NDArray[np.float32]]:
-        """As in the base class; what is not loaded yet is read in one go."""
+        """All columns; those that are not loaded yet are read in one go."""
         missing = tuple(name for [name] in self._groups if name not in self.__dict__)
         if missing:
             self.__dict__.update(self._load(missing))
         return super().columns
 
     def over(self, frames: int) -> Track:
-        """As in the base class; of a fixed body, too, only what is looked at is read."""
+        """The track over so many frames; of a fixed body, too, only what is looked at is read."""
         return _Repeated(self, frames) if len(self) == 1 != frames else super().over(frames)
 
 

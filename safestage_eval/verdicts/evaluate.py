@@ -192,13 +192,11 @@ class Evaluator(PartialStates):
         return found
 
     def _persistent(self, state: ast.StateDef, found: Band) -> Band:
-        """As in the base class; what shows in too few samples that are far apart is unknown."""
+        """Where the state lasts for long enough; unknown where too few samples, far apart, show it."""
         window, coarse = self.window(state.for_), self.clock.coarse
         lasts = self._lasting(state, found, window)
         lower, upper = lasts.lower, lasts.upper
-        if (
-            state.gap is not None and coarse.any()
-        ):  # what ended between two such samples is seen as over
+        if state.gap is not None and coarse.any():  # a gap of one such sample may have been long
             apart = self._lasting(replace(state, gap=None), found, window).lower
             lower = np.where(coarse, np.minimum(lower, apart), lower)
             lasts = Band(lower, upper)

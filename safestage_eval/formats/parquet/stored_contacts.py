@@ -79,23 +79,23 @@ class StoredContacts(StoredColumns, ContactTable):
     _by_pair: _ByPair
 
     def __len__(self) -> int:
-        """As in the base class."""
+        """Number of contact rows."""
         return super().__len__() if self._by_pair.places is None else self._by_pair.rows
 
     def unordered(self, *columns: str) -> tuple[NDArray[Any], ...]:
-        """As in the base class."""
+        """Columns of all rows, in stored order."""
         if self._by_pair.places is None:
             return super().unordered(*columns)
         return self._by_pair.of_all(columns)
 
     @property
     def pairs(self) -> list[Pair]:
-        """As in the base class."""
+        """The pairs that touch, sorted."""
         places = self._by_pair.places
         return super().pairs if places is None else sorted(places)
 
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """As in the base class."""
+        """Columns of one pair, in the order of frames."""
         if self._by_pair.places is None:
             return super().of_pair(pair, *columns)
         return self._by_pair.columns(pair, columns)

@@ -31,14 +31,14 @@ class Forbid(Obligation):
     def margin(
         self, evaluator: Evaluator, rule: ast.Rule, what: ast.Alternative, env: Env, scope: Scope
     ) -> Margin:
-        """As in the base class; what is costly is measured at as few frames as that takes."""
+        """The negated margin of the longest run; costly conditions are measured at as few frames as that takes."""
         if rule.for_ is None and scope.stop > scope.first and evaluator.asks_costly(what):
             low, high, frame = greatest(evaluator, what, env, scope)
             return Margin(_negated(high), _negated(low), frame)
         return super().margin(evaluator, rule, what, env, scope)
 
     def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:
-        """As in the base class."""
+        """How far the nearest run of the forbidden condition is from lasting long enough, negated."""
         if not len(found.lower):
             return Margin(np.inf, np.inf, 0)
         held = found
@@ -48,7 +48,7 @@ class Forbid(Obligation):
         return Margin(_negated(possibly), _negated(surely), frame)
 
     def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:
-        """As in the base class."""
+        """The frames of runs of the condition that certainly last long enough."""
         out: Bool = without_short_runs(np.where(sure, found.lower, -np.inf), lasting) >= 0
         return out
 

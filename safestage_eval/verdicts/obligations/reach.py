@@ -20,7 +20,7 @@ class Reach(Obligation):
     kept = "Reached between {begin} and {end}: {what}."
 
     def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:
-        """As in the base class."""
+        """How near the condition comes to holding for long enough."""
         if not len(found.lower):
             return Margin(-np.inf, -np.inf, 0)
         surely, possibly, frame = nearest_run(found, lasting)

@@ -21,7 +21,7 @@ class Require(Obligation):
     kept = "Held from {begin} to {end}: {what}."
 
     def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:  # noqa: ARG002
-        """As in the base class."""
+        """The least margin of any frame: every one must hold."""
         if not len(found.lower):
             return Margin(np.inf, np.inf, 0)
         upper = found.upper if sure is None else np.where(sure, found.upper, np.inf)
@@ -30,7 +30,7 @@ class Require(Obligation):
         return Margin(float(found.lower[lowest]), float(upper[least]), frame)
 
     def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:  # noqa: ARG002
-        """As in the base class."""
+        """The frames in which the condition certainly fails."""
         return found.false & sure
 
     def breaches(self, rule: ast.Rule) -> Sequence[ast.Alternative]:
