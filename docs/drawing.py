@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull
 
 from safestage_eval.episode import Episode, Geom
 from safestage_eval.geometry.pose import matrix
+from safestage_eval.palette import INKS, MARK_INK, SERIES, SURFACES
 
 F64 = NDArray[np.float64]
 View = Literal["xz", "yz", "xy"]
@@ -18,9 +19,8 @@ View = Literal["xz", "yz", "xy"]
 AXES: dict[View, tuple[int, int, int]] = {"xz": (0, 2, 1), "yz": (1, 2, 0), "xy": (0, 1, 2)}
 """View → the world axes that run right, up, and away from the reader."""
 
-COLORS = {"robot": "#8a94a6", "gripper": "#5d6778", "fixture": "#d9cfc1", "region": "#e8e3ef"}
-PALETTE = ("#2b7bba", "#e07b39", "#4c9f70", "#b0509e", "#c9a227", "#7a6fd0")
-"""Of objects, in the order in which the scene lists them."""
+FILLS = tuple(pair.dark for pair in SERIES)
+"""Of objects, in the order in which the scene lists them: the lighter side of the palette, for outlines in ink."""
 SOLID, SHEER = 0.9, 0.35
 """How opaque bodies are; what lies in a container is seen through it."""
 
@@ -111,7 +111,11 @@ def draw_scene(
     shapes, names = [], []
     for name in bodies:
         body = episode.bodies[name]
-        color = COLORS.get(body.kind) or PALETTE[objects.index(name) % len(PALETTE)]
+        color = (
+            SURFACES[body.kind].light
+            if name not in objects
+            else FILLS[objects.index(name) % len(FILLS)]
+        )
         found = outlines(episode, name, frame, view)
         seen_through = body.cavity is not None
         shapes += [(depth, flat, color, SHEER if seen_through else SOLID) for depth, flat in found]
@@ -121,7 +125,7 @@ def draw_scene(
             names.append((name, middle, -1 if seen_through else 1))
     for _, flat, color, alpha in sorted(shapes, key=lambda s: -s[0]):
         axes.add_patch(
-            Polygon(flat, facecolor=color, edgecolor="white", linewidth=0.6, alpha=alpha)
+            Polygon(flat, facecolor=color, edgecolor=MARK_INK.light, linewidth=0.6, alpha=alpha)
         )
     for name, (x, y) in apart(names, window):
         axes.annotate(
@@ -135,4 +139,4 @@ def draw_scene(
     axes.set_yticks([])
     for spine in axes.spines.values():
         spine.set_visible(True)
-        spine.set_color("#cccccc")
+        spine.set_color(INKS["line"].light)

@@ -25,6 +25,7 @@ import safestage_eval
 from safestage_eval.api import Episode
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import discover
+from safestage_eval.palette import SERIES
 from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
@@ -46,7 +47,7 @@ STYLE = {
 }
 LEAST_RANGE = 1e-3
 """A smaller range of a drawn value is rounding, and is drawn as a level line."""
-LINE, MOMENT = "#2b4a6f", "#c23b22"
+LINE, MOMENT = SERIES[0].light, SERIES[1].light
 
 
 @cache
