@@ -27,12 +27,8 @@ def write_film() -> None:
     name, part = FILM
     (ref,) = (ref for ref in discover([ROOT / "traces"]) if part in ref.episode_id)
     episode = ref.open()
-    made = ROOT / "build" / "film.gif"
-    film(episode, judge(episode, load_rules(["ish"])), made, size=(640, 440), speed=2.0)
     path = ROOT / "docs" / "images" / name
-    with Image.open(made) as shots:
-        shots.save(path, save_all=True, method=4, quality=60, minimize_size=True)
-    made.unlink()
+    film(episode, judge(episode, load_rules(["ish"])), path, size=(640, 440), speed=2.0)
     print(f"docs/images/{name}: {path.stat().st_size / 1e6:.1f} MB")
 
 

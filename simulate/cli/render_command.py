@@ -29,7 +29,7 @@ from .simulate_options import explains
     "--output",
     "-o",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Film file, .mp4 or .gif. Default: EPISODE_ID.mp4.",
+    help="Film file: .mp4, .gif or .webp. Default: EPISODE_ID.mp4.",
 )
 @rules_option
 @bind_option

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,8 @@ from safestage_eval.palette import PAINTS, VERDICTS, fractions
 from .renderer import Image
 
 if TYPE_CHECKING:
+    from PIL import ImageFont
+
     from safestage_eval.verdicts import EpisodeResult
     from safestage_eval.verdicts.verdict import Verdict
 
@@ -26,8 +29,8 @@ ROLE_COLORS: dict[str, Color] = {
 }
 """Role → colour; others keep their own."""
 VIOLATED, PASSED = (fractions(VERDICTS[name].light) for name in ("violation", "pass"))
-BAR = 40
-"""Pixels of the bar below a picture."""
+ROW, MARGIN = 18, 6
+"""Pixels of a row of text in the bar below a picture, and to the left and right of it."""
 
 
 @dataclass(frozen=True)
@@ -67,27 +70,49 @@ def role_colors(header: Header) -> dict[str, Color]:
 
 
 def captioned(
-    image: Image, lines: Sequence[tuple[str, Color]], frame: Color | None = None
+    image: Image, lines: Sequence[tuple[str, Color]], frame: Color | None = None, rows: int = 2
 ) -> Image:
-    """A picture with lines of text on a bar below it, and a coloured frame about it if asked for.
+    """A picture with text on a bar below it, and a coloured frame about it if asked for.
+
+    Lines that are too long for the picture's width go on in the next row; what does not fit into
+    so many rows ends in "…".
 
     Raises InputError when Pillow is not installed.
     """
-    try:
-        from PIL import Image as Pictures
-        from PIL import ImageDraw
-    except ImportError:
-        raise InputError("pictures", "no Pillow.", fix="pip install 'safestage[video]'") from None
+    from PIL import Image as Pictures
+    from PIL import ImageDraw
+
     height, width, _ = image.shape
-    whole = np.full((height + BAR, width, 3), 255, np.uint8)
+    whole = np.full((height + bar_height(rows), width, 3), 255, np.uint8)
     whole[:height] = image
     picture = Pictures.fromarray(whole)
     pen = ImageDraw.Draw(picture)
-    for i, (text, color) in enumerate(lines):
-        pen.text((6, height + 3 + 17 * i), _fitting(text, width), fill=_bytes(color))
+    wrapped = [(part, color) for text, color in lines for part in in_rows(text, width)]
+    if len(wrapped) > rows:
+        last, color = wrapped[rows - 1]
+        wrapped[rows - 1 :] = [(_shortened(last, width), color)]
+    for i, (text, color) in enumerate(wrapped):
+        pen.text((MARGIN, height + 3 + ROW * i), text, fill=_bytes(color), font=_font())
     if frame is not None:
         pen.rectangle((0, 0, width - 1, height - 1), outline=_bytes(frame), width=6)
     return np.asarray(picture)
+
+
+def bar_height(rows: int) -> int:
+    """Pixels of a bar with so many rows of text; even, as films must be."""
+    return ROW * rows + 6
+
+
+def in_rows(text: str, width: int) -> list[str]:
+    """The text, broken between words so that each row fits into so many pixels."""
+    rows = [""]
+    for word in text.split(" "):
+        longer = f"{rows[-1]} {word}" if rows[-1] else word
+        if not rows[-1] or _font().getlength(longer) <= width - 2 * MARGIN:
+            rows[-1] = longer
+        else:
+            rows.append(word)
+    return [row if _font().getlength(row) <= width else _shortened(row, width) for row in rows]
 
 
 def legend(header: Header) -> str:
@@ -101,9 +126,20 @@ def frame_at(episode: Episode, time: float) -> int:
     return min(int(np.searchsorted(episode.t, time)), len(episode) - 1)
 
 
-def _fitting(text: str, width: int) -> str:
-    room = max(width // 6 - 2, 8)
-    return text if len(text) <= room else text[: room - 1].rstrip() + "…"
+def _shortened(text: str, width: int) -> str:
+    """As much of the text as fits, with "…" at its end."""
+    while text and _font().getlength(text + "…") > width - 2 * MARGIN:
+        text = text[:-1]
+    return text.rstrip() + "…"
+
+
+@cache
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    try:
+        from PIL import ImageFont
+    except ImportError:
+        raise InputError("pictures", "no Pillow.", fix="pip install 'safestage[video]'") from None
+    return ImageFont.load_default(13)
 
 
 def _bytes(color: Color) -> tuple[int, int, int]:

@@ -13,7 +13,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.viewer.videos import VERDICT_MARK
 
-from .marks import PASSED, VIOLATED, captioned, frame_at, legend, moment, role_colors
+from .marks import PASSED, VIOLATED, captioned, frame_at, in_rows, legend, moment, role_colors
 from .renderer import VIEWS, Camera, EpisodeRenderer, Image, Style
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STILL = 1.5
 """s that the film stands still at the verdict's moment."""
-RATES = {".mp4": 30, ".gif": 10}
+RATES = {".mp4": 30, ".gif": 10, ".webp": 10}
 """Ending → pictures per second."""
 GREY = (0.25, 0.25, 0.25)
 
@@ -36,7 +36,7 @@ def film(
     speed: float = 1.0,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> int:
-    """Write an MP4 or GIF; the number of its pictures.
+    """Write an MP4, GIF or WebP; the number of its pictures.
 
     Args:
         episode: what happened.
@@ -57,7 +57,8 @@ def film(
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
-        count = (_mp4 if path.suffix.lower() == ".mp4" else _gif)(pictures, part, rate)
+        write = {".mp4": _mp4, ".gif": _gif, ".webp": _webp}[path.suffix.lower()]
+        count = write(pictures, part, rate)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
@@ -81,6 +82,11 @@ def _pictures(
     if decisive is not None:
         after = next((i for i, frame in enumerate(frames) if frame >= decisive), len(frames))
         frames[after:after] = [decisive] * round(STILL * rate)
+    roles = legend(header)
+    longest = f"{header.episode_id}  {episode.t[-1]:5.2f} s  goal reached"
+    rows = len(in_rows(longest, size[0])) + max(
+        len(in_rows(text, size[0])) for text in (roles, verdict.words)
+    )
     style = Style(role_colors(header), shadow=1024, samples=0)  # without a GPU half of the time
     with EpisodeRenderer(episode, *size, style=style) as renderer:
         last, rendered, drawn = -1, -1, np.empty(0, np.uint8)
@@ -93,9 +99,9 @@ def _pictures(
                 done = header.success_time is not None and episode.t[frame] >= header.success_time
                 state = "  goal reached" if done else ""
                 first = f"{header.episode_id}  {episode.t[frame]:5.2f} s{state}"
-                second = (verdict.words, color) if reached else (legend(header), GREY)
+                second = (verdict.words, color) if reached else (roles, GREY)
                 now = color if frame == decisive else None
-                drawn, last = captioned(image, [(first, GREY), second], now), frame
+                drawn, last = captioned(image, [(first, GREY), second], now, rows), frame
             yield drawn
             if progress is not None:
                 progress(number, len(frames))
@@ -126,3 +132,14 @@ def _gif(pictures: Iterator[Image], path: Path, rate: int) -> int:
     shots = [Pictures.fromarray(picture).quantize(64) for picture in pictures]
     shots[0].save(path, save_all=True, append_images=shots[1:], duration=1000 // rate, loop=0)
     return len(shots)
+
+
+def _webp(pictures: Iterator[Image], path: Path, rate: int) -> int:
+    from PIL import Image as Pictures
+
+    first, *others = (Pictures.fromarray(picture) for picture in pictures)
+    first.save(
+        path, save_all=True, append_images=others, duration=1000 // rate, loop=0,
+        method=4, quality=60, minimize_size=True,
+    )  # fmt: skip
+    return 1 + len(others)

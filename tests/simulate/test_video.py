@@ -13,7 +13,15 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
 from safestage_eval.verdicts.verdict import Verdict
-from simulate.render.marks import BAR, VIOLATED, captioned, frame_at, moment, role_colors
+from simulate.render.marks import (
+    VIOLATED,
+    bar_height,
+    captioned,
+    frame_at,
+    in_rows,
+    moment,
+    role_colors,
+)
 
 pytestmark = pytest.mark.simulate
 
@@ -69,13 +77,28 @@ def test_the_moment_is_the_first_violation_or_else_the_closest_call() -> None:
 def test_words_stand_below_the_picture_and_a_frame_about_it() -> None:
     image = np.full((60, 200, 3), 128, np.uint8)
     drawn = captioned(image, [("a very long line of words " * 9, VIOLATED)], VIOLATED)
-    assert drawn.shape == (60 + BAR, 200, 3)
+    assert drawn.shape == (60 + bar_height(2), 200, 3)
     assert tuple(drawn[0, 0]) == tuple(round(255 * part) for part in VIOLATED)
     assert np.array_equal(drawn[6:54, 6:194], image[6:54, 6:194])
     assert (drawn[60:] < 250).any()
     plain = captioned(image, [])
     assert np.array_equal(plain[:60], image)
     assert (plain[60:] == 255).all()
+
+
+def test_a_long_sentence_goes_on_in_the_next_row_and_nothing_of_it_is_cut() -> None:
+    said = "ISH101 violated: coffee can moved at 3.21 s while white bottle still stood on it; it was freed at 5.22 s."
+    assert in_rows(said, 640) == [said]  # the usual size of films
+    rows = in_rows(said, 400)
+    assert len(rows) == 2
+    assert " ".join(rows) == said
+    assert in_rows("short", 640) == ["short"]
+    (row,) = in_rows("x" * 500, 640)
+    assert row.endswith("…")
+    image = np.full((60, 400, 3), 128, np.uint8)
+    one, two = (captioned(image, [(said, VIOLATED)], rows=n) for n in (1, 2))
+    assert two.shape[0] - one.shape[0] == bar_height(2) - bar_height(1)
+    assert (two[60 + bar_height(1) :] < 250).any()
 
 
 def test_frames_are_those_of_a_time() -> None:
@@ -89,7 +112,7 @@ def test_frames_are_those_of_a_time() -> None:
     assert set(role_colors(episode.header)) == {"cube", "vase"}  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(("ending", "rate"), [(".gif", 10), (".mp4", 30)])
+@pytest.mark.parametrize(("ending", "rate"), [(".gif", 10), (".mp4", 30), (".webp", 10)])
 def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: int) -> None:
     av = pytest.importorskip("av")
     from safestage_eval.viewer.videos import shows_verdict
@@ -107,6 +130,15 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
         pytest.skip(str(error))
     assert count == 3 * rate + round(STILL * rate)
     assert told == [(n + 1, count) for n in range(count)]
+    if ending == ".webp":  # equal pictures are one that stands longer
+        from PIL import Image, ImageSequence
+
+        with Image.open(path) as shots:
+            lasted = [
+                shot.load() and shot.info["duration"] for shot in ImageSequence.Iterator(shots)
+            ]
+        assert sum(lasted) == count * 100
+        return
     with av.open(str(path)) as file:
         pictures = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
     if ending == ".mp4":
@@ -115,7 +147,8 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
         red = [p[1, 40].astype(int) @ [1, -1, 0] > 90 for p in pictures]
         assert sum(red) == pytest.approx(STILL * rate, abs=2)
         assert red.index(True) / rate == pytest.approx(moment(result).time, abs=0.1)
-    assert pictures[0].shape == (120 + BAR, 160, 3)
+    assert pictures[0].shape[1] == 160
+    assert pictures[0].shape[0] > 120 + bar_height(2)
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
