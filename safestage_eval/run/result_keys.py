@@ -11,7 +11,7 @@ from safestage_eval.errors import TraceError
 from safestage_eval.evidence.answer_log import Log, append
 from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.parquet.dataset_reader import read_rows
+from safestage_eval.formats.parquet.episodes_table import read_rows
 
 from .result_question import result_question
 from .settings import Settings

@@ -31,7 +31,7 @@ FOLLOWED = [
         "mcap.mcap_arrays", "mcap.mcap_chunks", "mcap.mcap_clouds", "mcap.mcap_frames",
         "mcap.mcap_messages", "mcap.mcap_metadata", "mcap.mcap_reader", "mcap.mcap_records",
         "parquet.arrow_tables", "parquet.dataset_reader", "parquet.dataset_tables",
-        "parquet.episode_row", "parquet.row_index", "parquet.stored_contacts",
+        "parquet.episode_row", "parquet.episodes_table", "parquet.row_index", "parquet.stored_contacts",
         "parquet.stored_scene", "parquet.stored_table", "parquet.table_digests",
         "parquet.table_file",
     )),

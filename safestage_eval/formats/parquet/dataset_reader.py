@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
@@ -29,17 +29,17 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.digests import Seal, computed
 from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
 from safestage_eval.formats.ply import from_ply
-from safestage_eval.formats.trace_files import check_link, existing, inside_dataset, regular_status
+from safestage_eval.formats.trace_files import existing, inside_dataset, regular_status
 from safestage_eval.size_limits import current
 
 from . import dataset_layout as layout
-from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
+from .arrow_tables import ROBOT_COLUMNS, WXYZ, XYZ
 from .episode_row import from_row
+from .episodes_table import read_row
 from .stored_contacts import Source, StoredContacts
 from .stored_scene import find_scene, make_scene
 from .stored_table import Block, StoredTable
 from .table_digests import DIGESTED_TABLES
-from .table_file import Footer
 
 Kind = TypeVar("Kind")
 
@@ -59,64 +59,9 @@ MOST_GEOMS = 1 << 16
 """Contacts tell geoms by numbers of 16 bits."""
 
 
-_LAST: list[tuple[Footer, dict[int, list[dict[str, Any]]]]] = []
-"""The footer of the file of ``meta/episodes`` that was read last, and its rows by episode.
-
-Episodes of a file are mostly opened one after the other, and it may tell of hundreds of them.
-"""
-
-
-def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
-    """Read the rows of one file of ``meta/episodes``; columns that it lacks are left out.
-
-    Raises:
-        TraceError: unreadable, without a required column, or of a newer major version.
-    """
-    check_link(file, file.parents[2], str(file))
-    return _rows(StoredTable(file, "meta/episodes"), file, columns)
-
-
-def _rows(
-    table: StoredTable, file: Path, columns: tuple[str, ...] | None = None
-) -> list[dict[str, Any]]:
-    there = table.footer.columns
-    missing = [name for name in REQUIRED if name not in there]
-    if missing:
-        raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
-    wanted = [name for name in columns or EPISODES if name in there]
-    return _records(table.all(wanted), wanted, file)
-
-
-def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
-    """The rows; raises TraceError for a column of another kind, or a gap where there must be none."""
-    for name, values in zip(columns, table.itercolumns(), strict=True):
-        wanted = schema("meta/episodes").field(name).type
-        other = values.type != wanted and _kind(values.type) != _kind(wanted)
-        if other and values.null_count < len(values):
-            raise TraceError(str(file), f"the column {name!r} holds {values.type}.", f"{wanted}")
-        if name in REQUIRED and values.null_count:
-            raise TraceError(str(file), f"{name} is empty in {values.null_count} rows")
-    rows: list[dict[str, Any]] = table.to_pylist()
-    return rows
-
-
 @cache
 def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
-
-
-def _kind(kind: pa.DataType) -> str:
-    if pa.types.is_dictionary(kind):
-        kind = kind.value_type
-    if pa.types.is_integer(kind):
-        return "int"
-    if pa.types.is_floating(kind):
-        return "float"
-    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
-        return "str"
-    if pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        return f"list of {_kind(kind.value_type)}"
-    return str(kind)
 
 
 def open_episode(
@@ -137,23 +82,7 @@ def open_episode(
     Raises:
         TraceError: a file or column is missing or damaged, or an invariant is broken.
     """
-    check_link(file, file.parents[2], str(file))
-    table = StoredTable(file, "meta/episodes")
-    rows = _by_episode(table, file).get(episode_index, [])
-    if len(rows) != 1:
-        raise TraceError(str(file), f"{len(rows)} rows with episode_index {episode_index}", "one")
-    return _StoredEpisode(file, rows[0], checked, whole=whole).episode()
-
-
-def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]]]:
-    for footer, rows in _LAST:
-        if footer is table.footer:
-            return rows
-    rows_by_episode: dict[int, list[dict[str, Any]]] = {}
-    for row in _rows(table, file):
-        rows_by_episode.setdefault(row["episode_index"], []).append(row)
-    _LAST[:] = [(table.footer, rows_by_episode)]
-    return rows_by_episode
+    return _StoredEpisode(file, read_row(file, episode_index), checked, whole=whole).episode()
 
 
 class _StoredEpisode:
