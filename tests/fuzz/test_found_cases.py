@@ -184,6 +184,30 @@ def test_a_name_that_its_dictionary_does_not_have(dataset):
         stored.codes(pa.table({"body1": names}), "body1", {"cube": 0, "table": 1})
 
 
+WORDS = [
+    (table, name)
+    for table in ("bodies", "contacts", "geometry", "channels")
+    for name in schema(table).names
+    if pa.types.is_dictionary(schema(table).field(name).type)
+]
+
+
+@pytest.mark.parametrize("codes", [[0], [1, None, 0], [-1, 0]])
+@pytest.mark.parametrize(("table", "column"), WORDS)
+def test_a_column_of_names_beyond_its_dictionary(dataset, monkeypatch, table, column, codes):
+    """Whatever is made of the column afterwards: pyarrow notices when it looks for the name."""
+    stored = StoredTable(the_only(dataset, table), table)
+    rows = stored.footer.index.rows[0]
+    codes = pa.array([*codes, *[0] * rows][:rows], pa.int32())
+    names = [] if len(set(codes)) < 2 else ["a"]
+    words = pa.DictionaryArray.from_arrays(codes, pa.array(names, pa.string()), safe=False)
+    monkeypatch.setattr(
+        pq.ParquetFile, "read_row_groups", lambda *_, **__: pa.table({column: words})
+    )
+    with pytest.raises(TraceError, match=f"{column} refers to names"):
+        stored.read([0], [column])
+
+
 def test_a_text_that_its_dictionary_does_not_have(dataset, monkeypatch):
     """A page of texts refers to more of them than there are: pyarrow notices when it unfolds them."""
     stored = StoredTable(the_only(dataset, "geometry"), "geometry")

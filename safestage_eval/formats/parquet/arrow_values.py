@@ -71,16 +71,25 @@ def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.in
             raise TraceError(where, f"{column} is empty in {chunk.null_count} rows")
         words = chunk if isinstance(chunk, pa.DictionaryArray) else _encoded(chunk)
         names = words.dictionary.to_pylist()
+        check_words(words, column, where)
         used = raw_values(words.indices)
-        if len(used) and not 0 <= used.min() <= used.max() < len(names):
-            raise TraceError(
-                where,
-                f"{column} refers to names {used.min()} to {used.max()} of its dictionary.",
-                f"0 to {len(names) - 1}",
-            )
         codes = np.array([numbers.setdefault(name, len(numbers)) for name in names], np.intp)
         parts.append(codes[used] if len(used) else np.zeros(0, np.intp))
     return np.concatenate(parts) if parts else np.zeros(0, np.intp), list(numbers)
+
+
+def check_words(words: pa.DictionaryArray, column: str, where: str) -> None:
+    """Raise TraceError where rows refer to words that their dictionary does not have."""
+    used, there = raw_values(words.indices), len(words.dictionary)
+    used = used[~np.isnan(used)] if words.null_count else used
+    if len(used) and not 0 <= used.min() <= used.max() < there:
+        raise TraceError(
+            where,
+            f"{column} refers to names {used.min():.0f} to {used.max():.0f} of its dictionary, "
+            f"which has {there}.",
+            f"0 to {there - 1}" if there else "",
+            "copy the dataset again",
+        )
 
 
 def _encoded(chunk: pa.Array) -> pa.DictionaryArray:

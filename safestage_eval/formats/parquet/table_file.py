@@ -18,7 +18,7 @@ from safestage_eval.formats.trace_files import regular_status
 from safestage_eval.size_limits import current
 
 from .arrow_tables import arrow_file, columns_of
-from .arrow_values import decoded
+from .arrow_values import check_words, decoded
 from .column_chunks import Chunk, read_chunks, read_chunks_of
 from .row_index import RowIndex, load_row_index
 
@@ -229,6 +229,9 @@ class TableFile:
             table = file.read_row_groups(groups, columns=columns, use_threads=False)
             if table.column_names != columns:
                 raise self._other_columns(table.column_names, columns)
+            for name in shared.intersection(columns):
+                for words in table[name].chunks:
+                    check_words(words, name, str(self.path))
             if rows > 1 and (texts or not shared.isdisjoint(columns)):
                 table = self._unfolded(table, texts, shared)
         except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
