@@ -7,7 +7,8 @@
 
 An input follows from the seed, the format's name and its number alone; without ``--seed`` the seed is the
 day, and is printed. ``--start`` and ``--inputs`` split a campaign; with ``--counts`` what was tried is kept, is not
-tried again, and ``--write`` puts it into the page's table. Exit code 1: something was found.
+tried again, and ``--write`` puts it into the page's table; a row of another seed stays there until as many inputs of
+its format were tried. Exit code 1: something was found.
 """
 
 from __future__ import annotations
@@ -269,7 +270,7 @@ def processor_time(process: int) -> float:
 
 HEAD = (
     "format", "inputs", "same verdicts", "less sure", "listed problem", "lies",
-    "unforeseen error", "other verdict", "false pass", "crash", "hang", "swollen", "ms each", "with",
+    "unforeseen error", "other verdict", "false pass", "crash", "hang", "swollen", "ms each", "seed", "with",
 )  # fmt: skip
 
 KINDS = (
@@ -281,29 +282,43 @@ MARKS = ("<!-- fuzz table -->", "<!-- end of the fuzz table -->")
 """Around the table in a page."""
 
 
-def row(key: str, tally: Tally) -> str:
-    """The outcomes of one format as a row of Markdown."""
+def row(key: str, tally: Tally) -> tuple[str, ...]:
+    """The outcomes of one format, a cell for each of ``HEAD``."""
     inputs = tally.counts.total()
     cells = [TARGETS[key].name, f"{inputs:,}", *(f"{tally.counts[kind]:,}" for kind in KINDS)]
-    read_by = ", ".join(f"{name} {version(name)}" for name in TARGETS[key].read_by)
-    cells += [f"{1e3 * tally.seconds / max(inputs, 1):.1f}", read_by]
-    return "| " + " | ".join(cells) + " |"
+    seeds = ", ".join(map(str, sorted({seed for seed, _, _ in tally.done})))
+    python = f"Python {platform.python_version()}"
+    read_by = ", ".join([python, *(f"{name} {version(name)}" for name in TARGETS[key].read_by)])
+    return (*cells, f"{1e3 * tally.seconds / max(inputs, 1):.1f}", seeds, read_by)
 
 
-def table(rows: Iterable[str]) -> str:
+def table(rows: Iterable[tuple[str, ...]]) -> str:
     """Rows under their heads."""
-    return "\n".join(["| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|", *rows])
+    lines = [HEAD, ("---",) * len(HEAD), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def merged(old: Iterable[tuple[str, ...]], new: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Rows of a page and newer ones: an old one stays until as many inputs were tried under another seed."""
+    new = list(new)
+    done = {(name, seed) for name, *_, seed, _ in new}
+    most = {name: int(inputs.replace(",", "")) for name, inputs, *_ in new}
+    stays = [
+        r
+        for r in old
+        if (r[0], r[-2]) not in done and int(r[1].replace(",", "")) > most.get(r[0], 0)
+    ]
+    order = [target.name for target in TARGETS.values()]
+    return sorted([*stays, *new], key=lambda cells: (order.index(cells[0]), cells[-2]))
 
 
 def write(page: Path, tallies: dict[str, Tally]) -> None:
     """The table of a page anew."""
-    before, _, after = re.split("|".join(map(re.escape, MARKS)), page.read_text("utf-8"))
-    ran = (
-        f"Python {platform.python_version()} on {platform.system()} {platform.machine()}; "
-        f"seed {', '.join(map(str, sorted({s for t in tallies.values() for s, _, _ in t.done})))}; "
-        f'"ms each" is processor time.'
-    )
-    rows = [row(key, tallies[key]) for key in TARGETS if key in tallies]
+    before, inside, after = re.split("|".join(map(re.escape, MARKS)), page.read_text("utf-8"))
+    lines = [line for line in inside.splitlines() if line.startswith("|")][2:]
+    old = [tuple(cell.strip() for cell in line.split("|")[1:-1]) for line in lines]
+    ran = f'{platform.system()} {platform.machine()}; "ms each" is processor time.'
+    rows = merged(old, (row(key, tally) for key, tally in tallies.items() if tally.done))
     page.write_text(f"{before}{MARKS[0]}\n{table(rows)}\n\n{ran}\n{MARKS[1]}{after}", "utf-8")
 
 

@@ -4,10 +4,12 @@ Others each day: the seed is the date, and a failure says it.
 """
 
 import shutil
+from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import fuzz
 import pytest
 from oracle import Sound, difference, held, sound
 from outcome import compared, unchanged, weakened
@@ -124,3 +126,36 @@ def test_what_was_found_once_is_told_in_words(tmp_path, path):
     except InputError:
         return
     assert not isinstance(told, Problem) or "cannot be judged" not in told.message
+
+
+def test_a_row_of_the_page_stays_until_as_many_inputs_were_tried(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(f"before {fuzz.MARKS[0]}\n{fuzz.MARKS[1]} after\n", "utf-8")
+
+    def tried(seed, inputs):
+        return fuzz.Tally(Counter(problem=inputs - 1, lie=1), seconds=1.0, done=[[seed, 0, inputs]])
+
+    def rows(**tallies):
+        fuzz.write(page, tallies)
+        text = page.read_text("utf-8")
+        assert text.startswith("before <!--")
+        assert text.endswith("--> after\n")
+        lines = [line for line in text.splitlines() if line.startswith("|")][2:]
+        cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+        assert all(len(row) == len(fuzz.HEAD) for row in cells)
+        return [(row[0], row[1], row[-2]) for row in cells]
+
+    zipped, rule = (TARGETS[key].name for key in ("zip", "rules"))
+    assert rows(zip=tried(1, 2000), rules=tried(1, 50)) == [
+        (zipped, "2,000", "1"),
+        (rule, "50", "1"),
+    ]
+    assert rows(zip=tried(2, 300)) == [
+        (zipped, "2,000", "1"),
+        (zipped, "300", "2"),
+        (rule, "50", "1"),
+    ]
+    assert rows(zip=tried(2, 2000), mcap=fuzz.Tally()) == [
+        (zipped, "2,000", "2"),
+        (rule, "50", "1"),
+    ]
