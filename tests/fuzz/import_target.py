@@ -1,4 +1,4 @@
-"""Hostile recordings of others: HDF5, LeRobot, RLDS, and MCAP with transforms.
+"""Hostile recordings of others: HDF5 and LeRobot, and what the other imports share.
 
 A file without checksums that says something else is another sound source. Damage, whose verdicts are
 compared with the sound source's, is what is gone, cut off or no number any more, and whatever happens to bytes
@@ -20,7 +20,6 @@ from damage import damaged
 from exports import map_text, write_lerobot, write_maniskill, write_robolab
 from oracle import Sound, judged, sound
 from outcome import Outcome
-from rlds_sets import write_rlds
 from seeds import recorded
 from strange import NAMES, NUMBERS
 
@@ -153,17 +152,6 @@ class LeRobot(Import):
         return write_lerobot(folder / "set", [episode()])
 
 
-class Rlds(Import):
-    """TFRecord and JSON."""
-
-    name = "RLDS"
-    read_by = ("protobuf",)
-
-    def write(self, folder: Path) -> tuple[Path, str]:
-        """One episode."""
-        return write_rlds(folder / "set", [episode()])
-
-
 NO_DAMAGE = ("attribute", "name")
 """Acts on a tree after which it is another one."""
 
@@ -229,4 +217,4 @@ def _act(rng: Random, file: h5py.File, name: str, parent: h5py.Group, act: str) 
     return act not in NO_DAMAGE and not left_out
 
 
-TARGETS = {"robolab": RoboLab, "maniskill": ManiSkill, "lerobot": LeRobot, "rlds": Rlds}
+TARGETS = {"robolab": RoboLab, "maniskill": ManiSkill, "lerobot": LeRobot}

@@ -7,6 +7,7 @@ import warnings
 from random import Random
 
 import import_target
+import rlds_target
 import states_target
 import transforms_target
 from mcap_target import Mcap
@@ -21,6 +22,7 @@ TARGETS = {
     "mcap": Mcap,
     "zip": Zipped,
     **import_target.TARGETS,
+    **rlds_target.TARGETS,
     **transforms_target.TARGETS,
     **states_target.TARGETS,
     "rules": Rules,
