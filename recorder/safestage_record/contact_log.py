@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import Any, Tuple
 
 import numpy as np
 
-from .record_error import RecordError
+from .step_memory import StepMemory
 from .zip_trace import CONTACT_POINT
 
 Copied = Tuple[int, bytes, bytes]
@@ -18,12 +17,9 @@ BATCH = 20_000
 class ContactLog:
     """Gathers contacts step by step, and makes each frame's contacts with their peak forces of them."""
 
-    def __init__(self, model: Any, data: Any, geom_index: Any, pyramidal: bool) -> None:
+    def __init__(self, model: Any, memory: StepMemory, geom_index: Any, pyramidal: bool) -> None:
         """``geom_index``: (ngeom,) MuJoCo geom id → index in the trace, −1 for none."""
-        self._data = data
-        self._memory: Any = ()
-        self._kind: Any = None
-        self._address = 0
+        self._memory = memory
         self._geom_index = geom_index
         self._geom_body = model.geom_bodyid.astype(np.int64)
         self._pyramidal = pyramidal
@@ -35,28 +31,22 @@ class ContactLog:
         """Contacts of shapes that the trace does not have."""
 
     def copy(self) -> Copied:
-        """How many contacts there are at this moment; they and the constraint forces, as bytes.
-
-        An array's bytes are copied in a fifth of the time that a copy of the array takes.
-        """
-        data = self._data
-        count = data.ncon
-        if not count:
-            return _NOTHING
-        if count > len(self._memory):
-            self._memory, self._kind = _contact_memory(data)
-            self._address = _address(data)
-        return count, self._memory[:count].tobytes(), data.efc_force.tobytes()
+        """How many contacts there are at this moment; they and the constraint forces, as bytes."""
+        memory = self._memory
+        count = memory.ncon.value
+        return (count, memory.contacts(count), memory.forces()) if count else _NOTHING
 
     def take(self) -> None:
         """Take the forces of a step between two frames.
 
         Only a pair that no frame shows has a row of such a step, and it has no force.
         """
-        copied = self.copy()
-        if copied[0]:
+        memory = self._memory
+        count = memory.ncon.value
+        if count:
+            copied = (count, memory.contacts(count), memory.forces())
             self._steps.append((self._frame, False, copied))
-            self._rows += copied[0]
+            self._rows += count
 
     def take_frame(self, copied: Copied) -> None:
         """Take the contacts (``copy``) of a frame, which ends with it."""
@@ -78,8 +68,7 @@ class ContactLog:
 
     def _work_out(self) -> None:
         """Turn what waits into points; steps after the last frame wait on."""
-        if len(self._memory) and self._data.ncon and _address(self._data) != self._address:
-            raise RecordError("MuJoCo moved its contacts; please report this with its version.")
+        self._memory.check()
         steps = [some for some in self._steps if some[0] < self._frame and some[2][0]]
         self._steps = [some for some in self._steps if some[0] >= self._frame]
         self._rows = sum(some[2][0] for some in self._steps)
@@ -89,7 +78,7 @@ class ContactLog:
         sizes, contacts, force = zip(*copied)
         step = np.repeat(np.arange(len(steps)), sizes)
         starts = np.cumsum([0] + [len(some) // _FORCE for some in force[:-1]])
-        every = np.frombuffer(b"".join(contacts), self._kind)
+        every = np.frombuffer(b"".join(contacts), self._memory.kind)
         own = every["efc_address"].astype(np.int64)
         table = _Rows(
             geom=every["geom"],
@@ -187,50 +176,6 @@ class _Rows:
         return force
 
 
-_WANTED = ("efc_address", "dist", "dim", "pos", "frame", "friction")
 _FORCE = 8
 """Bytes of a constraint force, a float64."""
 _NOTHING = (0, b"", b"")
-
-
-def _contact_memory(data: Any) -> tuple[Any, Any]:
-    """(most, bytes) view of MuJoCo's contacts, and the structure of a row.
-
-    So contacts are copied as they lie, in one copy and not one a field.
-
-    Where each field lies is read off MuJoCo's own views of it. Their memory does not move as long
-    as the data live: contacts stand at the start of its arena.
-    """
-    contact = data.contact
-    fields: dict[str, Any] = {name: getattr(contact, name) for name in _WANTED}
-    try:
-        fields["geom"] = contact.geom
-    except AttributeError:  # before MuJoCo 3
-        fields["geom"] = contact.geom1
-        second = _start(contact.geom2) - _start(contact.geom1)
-        if second != contact.geom1.itemsize:
-            raise RecordError("this MuJoCo's contacts cannot be read.") from None
-    starts = {name: _start(values) for name, values in fields.items()}
-    low, size = min(starts.values()), int(fields["dist"].strides[0])
-    kind = np.dtype(
-        {
-            "names": list(fields),
-            "formats": [
-                (values.dtype, (2,) if name == "geom" else values.shape[1:])
-                for name, values in fields.items()
-            ],
-            "offsets": [starts[name] - low for name in fields],
-            "itemsize": size,
-        }
-    )
-    most = 2 * len(fields["dist"]) + 100
-    block: Any = (ctypes.c_char * (most * size)).from_address(low)
-    return np.frombuffer(block, np.uint8).reshape(most, size), kind
-
-
-def _start(values: Any) -> int:
-    return int(values.__array_interface__["data"][0])
-
-
-def _address(data: Any) -> int:
-    return _start(data.contact.dist)

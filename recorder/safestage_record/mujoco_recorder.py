@@ -12,6 +12,7 @@ from .body_facts import BodyFacts, Opening
 from .contact_log import ContactLog
 from .model_scene import ModelScene, body_names
 from .rollout_recorder import FRAME_DT, RolloutRecorder
+from .step_memory import StepMemory
 from .told_facts import Names, ToldFacts
 
 
@@ -83,7 +84,9 @@ class MujocoRecorder(RolloutRecorder):
         self._physics_dt = float(model.opt.timestep)
         self._gravity = tuple(model.opt.gravity)
         pyramidal = int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
-        self._contact_log = ContactLog(model, data, scene.geom_index, pyramidal)
+        memory = StepMemory(data, self._scratch)
+        self._contact_log = ContactLog(model, memory, scene.geom_index, pyramidal)
+        self._clock = memory.time
         self._runge_kutta = int(model.opt.integrator) == int(mujoco.mjtIntegrator.mjINT_RK4)
         self._views = (data.xpos, data.xquat, data.cvel, data.subtree_com, data.qfrc_actuator)
         self._coordinates = (data.qpos, data.qvel)
@@ -93,7 +96,7 @@ class MujocoRecorder(RolloutRecorder):
         self._whole = False
         self._fresh, self._unsure = True, 8
         self._joint_state = self._read_joints()
-        self._moment = self._started = float(data.time)
+        self._moment = self._started = self._clock.value
         self._next = -np.inf
         if self._at_present() is not False and np.any(data.xquat[1:]):
             self._take_frame(self._look())
@@ -103,7 +106,7 @@ class MujocoRecorder(RolloutRecorder):
     @property
     def time(self) -> float:
         """s, time of the simulation."""
-        return float(self._data.time)
+        return float(self._clock.value)
 
     def substep(self) -> None:
         """Look at the forces of a physics step; only where ``mujoco.mj_step`` is not what steps."""
@@ -116,7 +119,7 @@ class MujocoRecorder(RolloutRecorder):
 
     def before_step(self) -> None:
         """A physics step begins: joints are now what its poses will be."""
-        self._moment = moment = self._data.time
+        self._moment = moment = self._clock.value
         if moment > self._next or self._frame_dt is None:
             self._joint_state = self._read_joints()
             self._held = None
@@ -124,13 +127,13 @@ class MujocoRecorder(RolloutRecorder):
     def after_step(self) -> None:
         """A physics step has ended; contacts and forces are of the moment before it."""
         if self._runge_kutta:
-            self._moment, self._joint_state = float(self._data.time), self._read_joints()
+            self._moment, self._joint_state = self._clock.value, self._read_joints()
         self._seen += 1
         self._since += 1
         self._whole = True
         if self._moment > self._next and self._frame_dt is not None:
             self._take_frame(self._look())
-        elif self._data.ncon:
+        else:
             self._contact_log.take()
 
     def before_contacts(self) -> None:
@@ -140,19 +143,18 @@ class MujocoRecorder(RolloutRecorder):
 
     def after_forward(self) -> None:
         """All of the data belongs to the present moment."""
-        self._moment, self._joint_state = float(self._data.time), self._read_joints()
+        self._moment, self._joint_state = self._clock.value, self._read_joints()
         self._held, self._whole = None, True
 
     # ------------------------------------------------------------------ inside
 
     def _end_step(self) -> None:
-        data = self._data
         if not self._since:  # nobody told of steps: look whether poses are those of this moment
             present = self._at_present() if self._unsure else None
             if present is not None:
                 self._fresh, self._unsure = present, self._unsure - 1
             late = not (self._fresh or self._runge_kutta)
-            self._moment = float(data.time) - (self._physics_dt if late else 0.0)
+            self._moment = self._clock.value - (self._physics_dt if late else 0.0)
             self._joint_state = self._read_joints()
         if self._frame_dt is None or not self._since:
             self._take_frame(self._look() if self._held is None else self._held)

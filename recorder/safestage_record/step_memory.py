@@ -1,0 +1,172 @@
+"""Reads what every physics step changes in MuJoCo's data where it lies in memory.
+
+An attribute of ``MjData`` takes 0.3 to 1 µs to read, the same number in memory 0.03 µs, and a physics step of a
+small scene 10 µs. Where the numbers lie is found by trying, so that no version's layout is written down here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from .record_error import RecordError
+
+_MARK = 1_526_612_903
+_BLOCK, _FARTHEST = 512, 1 << 22
+"""Bytes that are searched at a time, and at most."""
+_MOST_VIEWS = 4096
+_offsets: dict[str, int] = {}
+
+
+class StepMemory:
+    """Time, number of contacts, contacts and constraint forces of ``MjData``, as they lie there.
+
+    Attributes:
+        time: ``.value`` is the simulation's time in s.
+        ncon: ``.value`` is the number of contacts.
+        kind: structure of a contact as ``contacts`` copies it; None before the first contact.
+    """
+
+    def __init__(self, data: Any, scratch: Any) -> None:
+        """Find the numbers of ``data``; ``scratch`` are other data of its model, left as they were."""
+        self._data = data
+        base = _base(data)
+        if not _offsets:
+            _offsets.update({name: _find(scratch, name) for name in ("time", "ncon", "nefc")})
+        self.time = ctypes.c_double.from_address(base + _offsets["time"])
+        self.ncon = ctypes.c_int.from_address(base + _offsets["ncon"])
+        self._nefc = ctypes.c_int.from_address(base + _offsets["nefc"])
+        self._force: Any = None
+        self._contacts: dict[int, Any] = {}
+        self._forces: dict[tuple[int, int], Any] = {}
+        self._start = self._size = 0
+        self.kind: Any = None
+
+    def contacts(self, count: int) -> bytes:
+        """Copy ``count`` contacts, one or more, all that there are.
+
+        An array's bytes are copied in a fifth of the time that a copy of the array takes.
+        """
+        view = self._contacts.get(count)
+        if view is None:
+            if self.kind is None:
+                self._find_contacts()
+            view = self._contacts[count] = _view(self._start, count * self._size, np.uint8)
+        copied: bytes = view.tobytes()
+        return copied
+
+    def forces(self) -> bytes:
+        """Copy the constraint forces (nefc,) float64 N, or N m."""
+        if self._force is None:
+            return self._search_forces()
+        key = (self._force.value, self._nefc.value)
+        view = self._forces.get(key)
+        if view is None:
+            if len(self._forces) > _MOST_VIEWS:
+                self._forces.clear()
+            view = self._forces[key] = _view(*key, np.float64)
+        copied: bytes = view.tobytes()
+        return copied
+
+    def check(self) -> None:
+        """Raise RecordError where MuJoCo keeps something elsewhere than it did."""
+        data = self._data
+        kept = data.time == self.time.value and data.ncon == self.ncon.value
+        kept = kept and data.nefc == self._nefc.value
+        if kept and self.kind is not None and data.ncon:
+            kept = min(_starts(_contact_fields(data.contact)).values()) == self._start
+        if kept and self._force is not None and data.nefc:
+            kept = start_of(data.efc_force) == self._force.value
+        if not kept:
+            raise RecordError("MuJoCo moved its contacts; please report this with its version.")
+
+    def _search_forces(self) -> bytes:
+        """Copy the forces by MuJoCo's view, and find the pointer to them; it comes after the time."""
+        force = self._data.efc_force
+        if len(force):
+            at, sought = ctypes.addressof(self.time), start_of(force)
+            while ctypes.c_uint64.from_address(at).value != sought:
+                at += 8
+            self._force = ctypes.c_uint64.from_address(at)
+        copied: bytes = force.tobytes()
+        return copied
+
+    def _find_contacts(self) -> None:
+        """Find where contacts lie and how, by MuJoCo's own views of each field.
+
+        Their memory does not move as long as the data live: contacts stand at the start of its arena.
+        """
+        fields = _contact_fields(self._data.contact)
+        starts = _starts(fields)
+        self._start, self._size = min(starts.values()), int(fields["dist"].strides[0])
+        self.kind = np.dtype(
+            {
+                "names": list(fields),
+                "formats": [
+                    (values.dtype, (2,) if name == "geom" else values.shape[1:])
+                    for name, values in fields.items()
+                ],
+                "offsets": [starts[name] - self._start for name in fields],
+                "itemsize": self._size,
+            }
+        )
+
+
+_WANTED = ("efc_address", "dist", "dim", "pos", "frame", "friction")
+
+
+def _contact_fields(contact: Any) -> dict[str, Any]:
+    """MuJoCo's views (C, …) of contacts; ``geom`` (C,) or (C, 2) is where two ids stand."""
+    fields: dict[str, Any] = {name: getattr(contact, name) for name in _WANTED}
+    try:
+        fields["geom"] = contact.geom
+    except AttributeError:  # before MuJoCo 3
+        fields["geom"] = contact.geom1
+        second = start_of(contact.geom2) - start_of(contact.geom1)
+        if second != contact.geom1.itemsize:
+            raise RecordError("this MuJoCo's contacts cannot be read.") from None
+    return fields
+
+
+def _starts(fields: dict[str, Any]) -> dict[str, int]:
+    return {name: start_of(values) for name, values in fields.items()}
+
+
+def _view(address: int, count: int, kind: Any) -> Any:
+    """(count,) array over memory."""
+    if not count:
+        return np.zeros(0, kind)
+    block: Any = (ctypes.c_char * (count * np.dtype(kind).itemsize)).from_address(address)
+    return np.frombuffer(block, kind)
+
+
+def _find(scratch: Any, name: str) -> int:
+    """Bytes from the start of ``MjData`` to its time, or to a number that lies before the time.
+
+    Raises:
+        RecordError: it stands nowhere.
+    """
+    kind = np.float64 if name == "time" else np.int32
+    mark = np.array([_MARK], kind)
+    base, before = _base(scratch), getattr(scratch, name)
+    setattr(scratch, name, mark[0].item())
+    try:  # more than a block of pointers comes after the time
+        for at in range(0, _FARTHEST, _BLOCK):
+            [found] = np.nonzero(_view(base + at, _BLOCK // mark.itemsize, kind) == mark)
+            if len(found):
+                return at + int(found[0]) * mark.itemsize
+    finally:
+        setattr(scratch, name, before)
+    raise RecordError("this MuJoCo's data cannot be read; please report its version.")
+
+
+def _base(data: Any) -> int:
+    """Address of the ``mjData`` that a ``MjData`` wraps."""
+    return int(data._address)  # noqa: SLF001 - MuJoCo's bindings have it for this purpose
+
+
+def start_of(values: Any) -> int:
+    """Address of an array's memory."""
+    return int(values.__array_interface__["data"][0])

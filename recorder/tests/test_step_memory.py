@@ -1,0 +1,62 @@
+"""What is read from memory is what MuJoCo's own attributes say."""
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco")
+
+from safestage_record.record_error import RecordError  # noqa: E402
+from safestage_record.step_memory import StepMemory  # noqa: E402
+
+SCENE = """
+<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+  <body pos="0 0 .06"><freejoint/><geom type="box" size=".03 .02 .05"/></body>
+  <body pos="0 0 .3"><freejoint/><geom type="capsule" size=".02 .05"/></body>
+  <body pos=".3 0 .2"><joint type="hinge" axis="0 1 0" range="-.1 .1" limited="true"/>
+    <geom size=".05" pos=".1 0 0" mass="1"/></body>
+</worldbody></mujoco>
+"""
+
+
+def scene():
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    data, scratch = mujoco.MjData(model), mujoco.MjData(model)
+    return model, data, scratch
+
+
+def test_numbers_contacts_and_forces_are_those_of_mujoco_in_every_step():
+    model, data, scratch = scene()
+    memory = StepMemory(data, scratch)
+    counts = set()
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        assert memory.time.value == data.time
+        assert memory.ncon.value == data.ncon
+        assert memory.forces() == data.efc_force.tobytes()
+        if data.ncon:
+            some = np.frombuffer(memory.contacts(data.ncon), memory.kind)
+            for name in ("dist", "pos", "dim", "efc_address"):
+                assert np.array_equal(some[name], getattr(data.contact, name)), name
+            assert np.array_equal(some["frame"].ravel(), data.contact.frame.ravel())
+            assert [tuple(pair) for pair in some["geom"]] == [
+                (data.contact[i].geom1, data.contact[i].geom2) for i in range(data.ncon)
+            ]
+        memory.check()
+        counts.add(data.ncon)
+    assert len(counts) > 2
+
+
+def test_the_scratch_data_are_left_as_they_were():
+    _, data, scratch = scene()
+    scratch.time = 2.5
+    StepMemory(data, scratch)
+    assert (scratch.time, scratch.ncon, scratch.nefc) == (2.5, 0, 0)
+
+
+def test_a_number_that_is_elsewhere_is_an_error():
+    model, data, scratch = scene()
+    memory = StepMemory(data, scratch)
+    mujoco.mj_step(model, data, 200)
+    memory.time = type(memory.time)(1.0)
+    with pytest.raises(RecordError, match="moved"):
+        memory.check()
