@@ -185,7 +185,7 @@ class EnvRecording:
         info = result[-1] if isinstance(result, tuple) and isinstance(result[-1], dict) else {}
         for name in ("success", "is_success"):
             if name in info:
-                return bool(np.all(_plain_action(info[name])))
+                return _true(info[name])
         check = getattr(self._env, "_check_success", None)
         return bool(check()) if callable(check) else None
 
@@ -202,6 +202,8 @@ class EnvRecording:
 
 def _plain_action(action: Any) -> Any:
     """(A,) numbers of an action, whatever holds them: a tensor, or vla-eval's dictionary."""
+    if type(action) is np.ndarray:
+        return action
     if isinstance(action, dict):
         action = action.get("actions", next(iter(action.values()), ()))
     for step in ("detach", "cpu", "numpy"):
@@ -209,12 +211,18 @@ def _plain_action(action: Any) -> Any:
     return np.asarray(action, np.float32).ravel()
 
 
+def _true(said: Any) -> bool:
+    """Whether a number or all elements of a tensor are true."""
+    plain = isinstance(said, (bool, int, float, np.generic))
+    return bool(said) if plain else bool(np.all(_plain_action(said)))
+
+
 def _ending(result: Any) -> tuple[bool, bool]:
     """Whether an episode ended, and whether time was what ended it; of Gymnasium, Gym or dm_env."""
     if hasattr(result, "last"):
         return bool(result.last()), bool(result.last() and result.discount == 1.0)
     if isinstance(result, tuple) and len(result) == 5:
-        ended, cut = bool(np.all(_plain_action(result[2]))), bool(np.all(_plain_action(result[3])))
+        ended, cut = _true(result[2]), _true(result[3])
         return ended or cut, cut and not ended
     if hasattr(result, "done"):  # vla-eval's
         return bool(result.done), False

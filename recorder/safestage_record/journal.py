@@ -1,13 +1,13 @@
 """The file that a running recording grows by, and what is read back from it after its process died.
 
-A journal begins with ``MAGIC``. Then come records: their length and CRC-32, and in them JSON
-followed by NumPy arrays. A record that is cut off or damaged ends what can be read.
+A journal begins with ``MAGIC``. Then come records: their length and CRC-32, and in them JSON, which
+says what arrays they hold, followed by the arrays' bytes. A record that is cut off or damaged ends what can be read.
 """
 
 from __future__ import annotations
 
-import io
 import json
+import math
 import struct
 import zlib
 from pathlib import Path
@@ -23,7 +23,7 @@ try:
 except ImportError:  # Windows has no such locks; there nobody may read a running recording
     fcntl = None
 
-MAGIC = b"safestage-journal 1\n"
+MAGIC = b"safestage-journal 2\n"
 SUFFIX = ".unfinished"
 """Suffix of the journal's name after the name of the trace."""
 
@@ -56,12 +56,14 @@ class Journal:
 
     def append(self, facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
         """Append a record of JSON and arrays by name. Raises RecordError where it cannot be written."""
-        body = io.BytesIO()
-        text = json.dumps({"facts": facts, "names": list(arrays)}).encode()
-        body.write(_SIZE.pack(len(text)) + text)
-        for values in arrays.values():
-            np.lib.format.write_array(body, np.ascontiguousarray(values), allow_pickle=False)
-        content = body.getbuffer()
+        kept = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
+        about = {
+            name: (np.lib.format.dtype_to_descr(values.dtype), values.shape)
+            for name, values in kept.items()
+        }
+        text = json.dumps({"facts": facts, "arrays": about}).encode()
+        parts = [_SIZE.pack(len(text)), text, *(values.tobytes() for values in kept.values())]
+        content = b"".join(parts)
         try:
             self._stream.write(_HEAD.pack(len(content), zlib.crc32(content)) + content)
         except OSError as error:
@@ -102,10 +104,17 @@ def read_journal(path: Path) -> list[tuple[dict[str, Any], dict[str, Any]]]:
 
 
 def _record(body: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-    stream = io.BytesIO(body)
-    (size,) = _SIZE.unpack(stream.read(_SIZE.size))
-    said = json.loads(stream.read(size))
-    arrays = {n: np.lib.format.read_array(stream, allow_pickle=False) for n in said["names"]}
+    (size,) = _SIZE.unpack_from(body)
+    at = _SIZE.size + size
+    said = json.loads(body[_SIZE.size : at])
+    arrays = {}
+    for name, (described, shape) in said["arrays"].items():
+        kind = np.dtype(
+            [tuple(field) for field in described] if isinstance(described, list) else described
+        )
+        count = math.prod(shape)
+        arrays[name] = np.frombuffer(body, kind, count, at).reshape(shape).copy()
+        at += count * kind.itemsize
     return said["facts"], arrays
 
 

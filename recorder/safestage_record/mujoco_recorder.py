@@ -96,7 +96,7 @@ class MujocoRecorder(RolloutRecorder):
         self._whole = False
         self._fresh, self._unsure = True, 8
         self._joint_state = self._read_joints()
-        self._moment = self._started = self._clock.value
+        self._moment = self._started = self._latest = self._clock.value
         self._next = -np.inf
         if self._at_present() is not False and np.any(data.xquat[1:]):
             self._take_frame(self._look())

@@ -20,7 +20,7 @@ from .told_facts import ToldFacts
 FRAME_DT = 0.01
 """s between frames. Control steps of 0.05 s are too far apart to tell how something moved or fell."""
 
-MOST_WAITING = 256
+MOST_WAITING = 1024
 """Frames, and ``LONGEST_WAIT`` s: what of a recording is lost at most if the process is killed."""
 LONGEST_WAIT = 1.0
 
@@ -61,10 +61,11 @@ class RolloutRecorder(ABC):
         self._fields = dict(header)
         self._log = RolloutLog(self.path)
         self._waiting: list[Any] = []
-        self._actions: list[Any] = []
+        self._actions: list[tuple[int, Any]] = []
         self._action: Any = None
         self._times: list[float] = []
         self._steps: list[float] = []
+        self._latest = 0.0
         self._success: bool | None = None
         self._success_time: float | None = None
         self._closed = False
@@ -83,21 +84,22 @@ class RolloutRecorder(ABC):
         Raises:
             RecordError: the recording is closed, or the simulation's time went back.
         """
-        self._open()
+        if self._closed:
+            self._open()
         now = self.time
-        latest = self._steps[-1] if self._steps else self._started
-        if now < latest:
+        if now < self._latest:
             raise RecordError(
-                f"{self.path}: the simulation went back from {latest:.6g} s to {now:.6g} s. "
+                f"{self.path}: the simulation went back from {self._latest:.6g} s to {now:.6g} s. "
                 "Close this recording before a reset and begin another."
             )
-        if action is not None:
-            self._action = np.array(action, np.float32).ravel()
         self._end_step()
+        self._latest = now
         self._steps.append(now)
+        if action is not None:
+            self._action = np.array(action)
+        self._actions.append((len(self._times), self._action))
         waiting = len(self._waiting)
         if waiting:
-            self._fill_actions()
             due = waiting >= MOST_WAITING or not self._log.begun
             if due or time.monotonic() - self._flushed > LONGEST_WAIT:
                 self._flush()
@@ -213,33 +215,34 @@ class RolloutRecorder(ABC):
 
     def _keep(self, moment: float, frame: Any) -> bool:
         """Append a frame of a moment (s); one of the same moment as the last is none."""
-        if self._times and moment <= self._times[-1] + 1e-9:
+        times = self._times
+        if times and moment <= times[-1] + 1e-9:
             return False
-        self._times.append(moment)
+        times.append(moment)
         self._waiting.append(frame)
-        self._actions.append(None)
         return True
 
-    def _fill_actions(self) -> None:
-        for i in range(len(self._actions) - 1, -1, -1):
-            if self._actions[i] is not None:
-                break
-            self._actions[i] = self._action
+    def _take_actions(self, count: int) -> Any:
+        """(count, A) the action of the control step that each of the last frames belongs to."""
+        ends, given = zip(*self._actions, (len(self._times), self._action))
+        self._actions = []
+        if self._action is None:
+            return np.zeros((count, 0))
+        nothing = np.zeros(self._action.size)
+        rows = [nothing if action is None else action for action in given]
+        table = np.array(rows, np.float32).reshape(len(rows), -1)
+        frames = np.arange(len(self._times) - count, len(self._times))
+        return table[np.searchsorted(ends, frames, side="right")]
 
     def _flush(self) -> None:
         """Turn the frames that wait into arrays, and write them to the journal."""
         if not self._waiting:
             return
-        self._fill_actions()
         frames, self._waiting = self._waiting, []
-        actions, self._actions = self._actions, []
         columns = self._columns(frames)
         columns["t"] = np.array(self._times[-len(frames) :], np.float64)
         columns["contacts"], columns["counts"] = self._contacts()
-        width = 0 if self._action is None else len(self._action)
-        columns["action"] = np.array(
-            [np.zeros(width) if some is None else some for some in actions]
-        ).reshape(len(frames), width)
+        columns["action"] = self._take_actions(len(frames))
         if not self._log.begun:
             self._first = columns["orientation"][0]
             if self._told.guess_up:
@@ -267,7 +270,7 @@ class RolloutRecorder(ABC):
     def _header(self) -> dict[str, Any]:
         """The header's fields besides the scene, as they are known by now."""
         step = self._physics_dt
-        control = _usual_gap([self._started, *self._steps], step)
+        control = _usual_gap([self._started, *self._steps[-1001:]], step)
         frame = control
         if self._frame_dt is not None and self._sees() and len(self._times) > 1:
             frame = _usual_gap(self._times, step)
