@@ -14,7 +14,7 @@ _TRIM, _MAP = -1, -3
 KEPT, LARGE = 64 << 20, 16 << 20
 """Bytes of free memory that are kept; bytes from which on an array is mapped by itself."""
 AIM = 230 << 20
-"""Bytes that a process should hold at most, free ones included."""
+"""Bytes that a process should hold at most, free ones included; more where an episode takes more."""
 STEP = 12 << 20
 """Bytes by which it has to grow before free memory is looked for once more."""
 
@@ -38,22 +38,36 @@ class Bound:
     Episodes end in reference cycles, of few objects and many megabytes, which Python collects seldom;
     Arrow keeps what it frees; and what is free lies between what is used, so that it grows beyond what
     ``KEPT`` says. Together that was 1.5 MB an episode.
+
+    Cycles are collected after each episode. Free memory is handed back only where more of it has
+    gathered than an episode was seen to take: the next one would ask for it again, page by page.
     """
 
     def __init__(self, aim: int = AIM) -> None:
         """``aim``: bytes."""
         self._aim = self._beyond = aim
         self._trim = _function("malloc_trim")
+        self._left: int | None = (
+            None  # bytes held after memory was handed back, until one more look
+        )
+        self._taken = 0  # bytes that an episode takes at the most, by such looks
 
     def hold(self) -> bool:
         """After an episode: whether free memory was looked for and handed back."""
-        if self._trim is None or resident(os.getpid()) <= self._beyond:
+        held = resident(os.getpid())
+        if self._trim is None or held <= self._aim:
             return False
         gc.collect()
+        if self._left is not None:
+            self._taken = max(self._taken, held - self._left)
+            self._beyond, self._left = max(self._aim, self._left + self._taken + STEP), None
+        if held <= self._beyond:
+            return False
         if "pyarrow" in sys.modules:
             sys.modules["pyarrow"].default_memory_pool().release_unused()
         self._trim(0)
-        self._beyond = max(self._aim, resident(os.getpid()) + STEP)
+        self._left = resident(os.getpid())
+        self._beyond = max(self._aim, self._left + self._taken + STEP)
         return True
 
 

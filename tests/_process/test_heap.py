@@ -64,3 +64,33 @@ def test_a_process_that_holds_much_hands_free_memory_back():
     assert looked == "True"
     assert int(left) < 20
     assert again == "False"
+
+
+EPISODES = """
+import os
+from safestage_eval._process import heap
+from safestage_eval._process.memory_limit import resident
+
+class Episode:
+    def __init__(self):
+        self.own = self, [bytearray(b"x") * (1 << 18) for _ in range(160)]  # 40 MB in a cycle
+
+heap.keep()
+bound = heap.Bound(1)  # it holds more from the beginning
+before, looked = resident(os.getpid()), []
+for _ in range(12):
+    Episode()
+    looked.append(bound.hold())
+print(*map(int, looked), (resident(os.getpid()) - before) >> 20)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_what_each_episode_takes_is_not_handed_back_each_time():
+    told = subprocess.run(
+        [sys.executable, "-c", EPISODES], capture_output=True, text=True, check=True
+    )
+    *looked, left = told.stdout.split()
+    assert looked[0] == "1"
+    assert looked[1:] == ["0"] * 11
+    assert int(left) < 60, "cycles are collected after each episode"
