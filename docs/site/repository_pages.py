@@ -36,17 +36,27 @@ def versions_page(changelog: Path) -> str:
 
 
 def keep_inside(markdown: str, page: str, docs: Path) -> str:
-    """Links that lead out of docs/ become the path in the repository, as code.
+    """Links for readers of the site, not of the repository.
 
-    A link to what is not there stays as it is, so that the build fails.
+    A link that names the file of another page names its title instead. One that leads out of docs/ becomes the
+    path in the repository, as code; to what is not there it stays as it is, so that the build fails.
     """
 
     def rewritten(found: re.Match[str]) -> str:
-        bang, text, up, path, _ = found.groups()
+        bang, text, up, path, anchor = found.groups()
         target = ((docs / page).parent / up / path).resolve()
-        if bang or not up or target.is_relative_to(docs) or not target.exists():
+        if bang or not target.exists():
             return found[0]
+        if target.is_relative_to(docs):
+            named = text.endswith(".md") and target.suffix == ".md"
+            return f"[{_title(target)}]({up}{path}{anchor or ''})" if named else found[0]
         shown = target.relative_to(docs.parent).as_posix()
         return f"`{shown}`" if text.strip("`") in shown else f"{text} (`{shown}`)"
 
     return LINK.sub(rewritten, markdown)
+
+
+def _title(page: Path) -> str:
+    """The first heading of a page, without its markup."""
+    (heading,) = re.findall(r"\A# (.+)", page.read_text("utf-8"))
+    return str(heading).replace("`", "")

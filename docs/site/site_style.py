@@ -12,6 +12,12 @@ RULES = """\
 .md-typeset img { border-radius: 4px; }
 .md-typeset pre > code { font-size: .66rem; }
 .md-typeset h3.doc-heading { font-size: .9rem; }
+.md-typeset table:not([class]) thead:not(:has(th:not(:empty))) { display: none; }
+@media (max-width: 600px) {
+  .md-typeset table:not([class]) :is(th, td) { padding: .5em .6em; }
+  .md-typeset p:has(> img[src$=".svg"]) { overflow-x: auto; }
+  .md-typeset p > img[src$=".svg"] { max-width: none; width: 32rem; }
+}
 [data-md-color-scheme="slate"] .md-typeset img[src$=".svg"] { background: #fff; padding: .3rem; }
 """
 

@@ -7,6 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
+from contextvars import copy_context
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,11 @@ from studio import run
 CHECKOUT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((CHECKOUT / "docs" / "tutorials").glob("*.md"))
 FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-INSTALLS = {"pip install .", "pip install ./recorder"}
+INSTALLS = {
+    "git clone https://github.com/safestage/safestage && cd safestage",
+    "pip install .",
+    "pip install ./recorder",
+}
 """What a tutorial may ask to install; both folders have a pyproject.toml."""
 
 pytestmark = pytest.mark.slow
@@ -108,4 +113,5 @@ def test_a_tutorial_does_what_it_says(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
     (tmp_path / "traces").symlink_to(CHECKOUT / "traces")
-    Reader().reads(page.read_text("utf-8"))
+    # a command sets the width of lines for the rest of its context
+    copy_context().run(Reader().reads, page.read_text("utf-8"))

@@ -75,7 +75,7 @@ export function wordsFor(table, places) {
   const some = places.slice(0, TOLD), count = places.length.toLocaleString("en");
   byId("appendix").replaceChildren(
     element("h2", {}, `Evidence: ${table.title}`),
-    element("p", { class: "soft" }, places.length > some.length ? `The ${TOLD} gravest of ${count} episodes.` : `${count} episodes.`),
+    element("p", { class: "soft" }, places.length > some.length ? `The ${TOLD} gravest of ${count} episodes.` : `${count} ${places.length === 1 ? "episode" : "episodes"}.`),
     ...some.map((place) => told(table, place)));
 }
 

@@ -25,9 +25,10 @@ export class EpisodeList {
     this.places = places;
     this.rows.style.height = `${places.length * ROW_HEIGHT}px`;
     this.rows.replaceChildren(); this.drawn.clear();
-    const all = this.table.count.toLocaleString("en"), some = places.length.toLocaleString("en");
+    const { count } = this.table, some = places.length.toLocaleString("en");
+    const all = `${count.toLocaleString("en")} ${count === 1 ? "episode" : "episodes"}`;
     byId("count").textContent = !places.length ? "No episode matches."
-      : places.length === this.table.count ? `${all} episodes` : `${some} of ${all} episodes`;
+      : places.length === count ? all : `${some} of ${all}`;
     this.draw();
   }
 
