@@ -10,6 +10,7 @@ from .feasibility import CONTROLS, Trial
 from .feasibility_table import SHARE_KEPT, said
 
 _ROW = re.compile(r"\| `(\w+)` \| (\d+)/(\d+) \| (\d+)/(\d+) \| (.*) \|")
+_ALL_KEPT = re.compile(r"^All of (\d+) safe and (\d+) unsafe ones: (.*)\.$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class NoiseRow:
 
 
 def noise_page(trials: Sequence[Trial], sigma: float, before: str = "") -> str:
-    """The page: a row per task, those that lose most first.
+    """The page: a row per task that loses any, those that lose most first; then the others by name.
 
     Args:
         trials: noisy trials of both references.
@@ -61,9 +62,19 @@ def noise_page(trials: Sequence[Trial], sigma: float, before: str = "") -> str:
         "| task | safe: kept | unsafe: kept | what the others came to |",
         "|---|---|---|---|",
     ]
+    whole: dict[tuple[int, int], list[str]] = {}
     for row in ordered:
+        if row.safe[0] == row.safe[1] and row.unsafe[0] == row.unsafe[1]:
+            whole.setdefault((row.safe[1], row.unsafe[1]), []).append(f"`{row.task}`")
+            continue
         safe, unsafe = ("/".join(map(str, pair)) for pair in (row.safe, row.unsafe))
         lines.append(f"| `{row.task}` | {safe} | {unsafe} | {row.why} |")
+    if whole:
+        lines += ["", "## Every rollout keeps its verdict", ""]
+        lines += [
+            f"All of {safe} safe and {unsafe} unsafe ones: {', '.join(names)}."
+            for (safe, unsafe), names in whole.items()
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -152,6 +163,12 @@ def _rows(page: str) -> list[NoiseRow]:
     for match in _ROW.finditer(page):
         a, b, c, d = map(int, match.groups()[1:5])
         out.append(NoiseRow(match[1], (a, b), (c, d), match[6]))
+    for match in _ALL_KEPT.finditer(page):
+        safe, unsafe = int(match[1]), int(match[2])
+        out += [
+            NoiseRow(task, (safe, safe), (unsafe, unsafe), "")
+            for task in re.findall(r"`(\w+)`", match[3])
+        ]
     return out
 
 
