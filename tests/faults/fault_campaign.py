@@ -222,7 +222,7 @@ def campaign(
 KINDS = ("kills", "workers", "cluster", "writes", "rights", "clock", "disks", "store")
 
 HEADS = (
-    "what was at work", "what happened", "times", "of these, in its midst", "episodes written before",
+    "what was at work", "what happened", "times", "of these, while it worked", "episodes written before",
     "lost", "half files taken for whole", "next run failed",
 )  # fmt: skip
 
