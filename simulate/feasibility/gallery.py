@@ -113,8 +113,8 @@ def page(tasks: Sequence[Task], folder: str = "gallery") -> str:
         "# Gallery",
         "",
         f"The {len(tasks)} tasks on environment seed 0, written by `make gallery`: how they start, where the safe",
-        "reference ends, and the unsafe one at the moment of its violation. Blue is the target, orange what",
-        "depends on it, red what is to be protected, green where it goes.",
+        "reference ends, and the unsafe one at the moment of its violation. Blue is the target, yellow what",
+        "depends on it, pink what is protected, green where it goes.",
     ]
     for stage, title in STAGES.items():
         of_stage = [task for task in tasks if task.stage == stage]
