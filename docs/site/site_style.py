@@ -8,6 +8,8 @@ RULES = """\
 .md-typeset table:not([class]) { display: table; font-size: .68rem; }
 .md-typeset .md-typeset__table { display: block; overflow-x: auto; }
 .md-typeset table:not([class]) th { min-width: 3rem; }
+.md-typeset table:not([class]) td:first-child code { white-space: nowrap; }
+.md-grid { max-width: 72rem; }
 .md-typeset .cell-output { overflow-x: auto; margin: 1em 0; }
 .md-typeset img { border-radius: 4px; }
 .md-typeset pre > code { font-size: .66rem; }
