@@ -11,6 +11,9 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from time import process_time
+
+from safestage_eval.size_limits import current
 
 MAGIC = b"SQLite format 3\0"
 
@@ -61,7 +64,7 @@ def types(path: Path) -> set[str]:
     try:
         with closing(_opened(path)) as bag:
             return {str(kind) for (kind,) in bag.execute("SELECT type FROM topics")}
-    except sqlite3.Error:
+    except (ValueError, sqlite3.Error):
         return set()
 
 
@@ -73,7 +76,7 @@ def bag_messages(path: Path) -> Iterator[tuple[str, str, str, int, bytes]]:
     """
     try:
         with closing(_opened(path)) as bag:
-            check = bag.execute("PRAGMA quick_check").fetchone()
+            check = bag.execute("PRAGMA quick_check(1)").fetchone()
             if check != ("ok",):
                 raise ValueError(f"the database is damaged: {check[0] if check else 'no answer'}")
             topics = {
@@ -88,10 +91,42 @@ def bag_messages(path: Path) -> Iterator[tuple[str, str, str, int, bytes]]:
             for topic, time, data in rows:
                 if topic not in topics:
                     raise ValueError(f"a message of topic {topic}, which the bag does not list")
-                yield *topics[topic], int(time), bytes(data)
+                if not isinstance(time, int) or not isinstance(data, bytes):
+                    raise ValueError(
+                        "a message whose time is no integer, or whose data are no bytes"
+                    )
+                yield *topics[topic], time, data
     except sqlite3.Error as error:
         raise ValueError(f"the database cannot be read: {error}") from None
 
 
 def _opened(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    """A connection that computes nothing a stranger wrote, and comes back.
+
+    A database may hold views and computed columns: programs, which can run for ever or return any
+    amount of data. (Checks of rows are computed by no read-only connection.)
+
+    Raises:
+        ValueError: topics or messages are no plain tables.
+        sqlite3.Error: the file cannot be read.
+    """
+    bag = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    try:
+        bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(current().decoded, 2**31 - 1))
+        end = process_time() + current().seconds
+        bag.set_progress_handler(lambda: process_time() > end, 100_000)
+        for name in ("topics", "messages"):
+            found = bag.execute(_TABLE, (name,)).fetchone()
+            if found is None:
+                raise ValueError(f"the database is no ROS 2 bag: it has no table {name!r}")
+            if found != ("table", 1, 0):
+                raise ValueError(f"the database is no ROS 2 bag: {name!r} is no plain table")
+    except BaseException:
+        bag.close()
+        raise
+    return bag
+
+
+_TABLE = """SELECT type, rootpage > 0, (SELECT count(*) FROM pragma_table_xinfo(?1) WHERE hidden > 0)
+FROM sqlite_master WHERE lower(name) = ?1"""
+"""What kind of thing has a name, whether it is stored, and how many of its columns are computed."""

@@ -1,4 +1,8 @@
-"""What ROS 2 bags say: transforms, and a description of a robot."""
+"""What ROS 2 bags say: transforms, and a description of a robot; and the same bag in SQLite."""
+
+import sqlite3
+
+from mcap.reader import make_reader
 
 STAMP = "builtin_interfaces/Time stamp\nstring frame_id"
 TF_MESSAGE = f"""geometry_msgs/TransformStamped[] transforms
@@ -58,3 +62,28 @@ def ros_transform(stamp_ns, parent, child, position, orientation):
             "rotation": {"x": x, "y": y, "z": z, "w": w},
         },
     }
+
+
+def as_sqlite(mcap, to, *, leave_out=()):
+    """The same messages, as rosbag2's SQLite storage has them."""
+    with sqlite3.connect(to) as bag:
+        bag.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
+        bag.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, "
+            "offered_qos_profiles TEXT)"
+        )
+        bag.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+        )
+        with mcap.open("rb") as stream:
+            known = {}
+            for schema, channel, message in make_reader(stream).iter_messages():
+                if channel.topic not in known:
+                    known[channel.topic] = len(known) + 1
+                    if channel.topic not in leave_out:
+                        row = (known[channel.topic], channel.topic, schema.name, "cdr", "")
+                        bag.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?)", row)
+                row = (known[channel.topic], message.log_time, message.data)
+                bag.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+    bag.close()
+    return to

@@ -1,11 +1,11 @@
 """SQLite bags give what MCAP bags give, message by message; joint states place what no transform does."""
 
 import sqlite3
+from time import process_time
 
 import numpy as np
 import pytest
-from bags import TF_MESSAGE, ros_transform
-from mcap.reader import make_reader
+from bags import TF_MESSAGE, as_sqlite, ros_transform
 from mcap_ros2.writer import Writer as RosWriter
 from studio import run
 from test_robot_model import ARM
@@ -13,34 +13,9 @@ from test_transforms import tumbling, write_bag
 
 from safestage_eval.formats import load
 from safestage_eval.importers.robot_file import robot_from_urdf
-from safestage_eval.importers.sqlite_bag import definition, types
+from safestage_eval.importers.sqlite_bag import bag_messages, definition, types
 
 JOINTS = definition("sensor_msgs/msg/JointState")
-
-
-def as_sqlite(mcap, to, *, leave_out=()):
-    """The same messages, as rosbag2's SQLite storage has them."""
-    with sqlite3.connect(to) as bag:
-        bag.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
-        bag.execute(
-            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, "
-            "offered_qos_profiles TEXT)"
-        )
-        bag.execute(
-            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
-        )
-        with mcap.open("rb") as stream:
-            known = {}
-            for schema, channel, message in make_reader(stream).iter_messages():
-                if channel.topic not in known:
-                    known[channel.topic] = len(known) + 1
-                    if channel.topic not in leave_out:
-                        row = (known[channel.topic], channel.topic, schema.name, "cdr", "")
-                        bag.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?)", row)
-                row = (known[channel.topic], message.log_time, message.data)
-                bag.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
-    bag.close()
-    return to
 
 
 def with_map(folder, text=""):
@@ -94,6 +69,90 @@ def test_damaged_and_foreign_databases(tmp_path):
     if b"/tf_static" in whole:
         done = run("import", lost, "--to", tmp_path / "d", "--map", tmp_path / "map.toml")
         assert "does not list" in done.err
+
+
+TOPICS = "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT);"
+LISTED = f"{TOPICS} INSERT INTO topics VALUES (1, '/tf', 'tf2_msgs/msg/TFMessage', 'cdr');"
+ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT x AS id"
+PROGRAMS = {
+    "a view without end for topics": (
+        f"CREATE VIEW topics AS {ENDLESS}, '' AS name, '' AS type, '' AS serialization_format FROM n;"
+        "CREATE TABLE messages(id, topic_id, timestamp, data);",
+        "'topics' is no plain table",
+    ),
+    "a view without end for messages": (
+        f"{LISTED} CREATE VIEW messages AS {ENDLESS}, 1 AS topic_id, x AS timestamp, x AS data FROM n;",
+        "'messages' is no plain table",
+    ),
+    "computed data": (
+        f"{LISTED} CREATE TABLE messages(id, topic_id, timestamp, data AS (zeroblob(900000000)));"
+        "INSERT INTO messages VALUES (1, 1, 1);",
+        "'messages' is no plain table",
+    ),
+    "a virtual table": (
+        f"{LISTED} CREATE VIRTUAL TABLE messages USING fts5(id, topic_id, timestamp, data);",
+        "'messages' is no plain table",
+    ),
+    "no messages": (LISTED, "no table 'messages'"),
+    "a number for data": (
+        f"{LISTED} CREATE TABLE messages(id, topic_id, timestamp, data);"
+        "INSERT INTO messages VALUES (1, 1, 1, 900000000);",
+        "whose data are no bytes",
+    ),
+    "a text for a time": (
+        f"{LISTED} CREATE TABLE messages(id, topic_id, timestamp, data);"
+        "INSERT INTO messages VALUES (1, 1, '1', x'00');",
+        "whose time is no integer",
+    ),
+    "nothing for a time": (
+        f"{LISTED} CREATE TABLE messages(id, topic_id, timestamp, data);"
+        "INSERT INTO messages VALUES (1, 1, NULL, x'00');",
+        "whose time is no integer",
+    ),
+}
+"""What a stranger's database may have in the place of tables and values, and what is said."""
+
+
+def written(path, script):
+    with sqlite3.connect(path) as made:
+        made.executescript(script)
+    made.close()
+    return path
+
+
+@pytest.mark.parametrize("what", PROGRAMS)
+def test_nothing_in_a_database_is_run(tmp_path, what):
+    script, told = PROGRAMS[what]
+    path = written(tmp_path / "bag.db3", script)
+    began = process_time()
+    assert types(path) <= {"tf2_msgs/msg/TFMessage"}
+    with pytest.raises(ValueError, match=told):
+        list(bag_messages(path))
+    assert process_time() - began < 1
+
+
+def test_checks_of_a_table_are_not_computed(tmp_path):
+    """They may be any expression, for each row; this one would say that the database is damaged."""
+    path = written(
+        tmp_path / "bag.db3",
+        f"{LISTED} PRAGMA ignore_check_constraints = ON;"
+        "CREATE TABLE messages(id, topic_id, timestamp, data, CHECK (length(data) > 1));"
+        "INSERT INTO messages VALUES (1, 1, 1, x'00');",
+    )
+    assert [row[-2:] for row in bag_messages(path)] == [(1, b"\0")]
+
+
+def test_a_database_comes_back_when_its_time_is_over(tmp_path, monkeypatch):
+    rows = "INSERT INTO messages SELECT x, 1, x, x'00' FROM n;"
+    path = written(
+        tmp_path / "bag.db3",
+        f"{LISTED} CREATE TABLE messages(id, topic_id, timestamp, data);"
+        "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n WHERE x < 300000) " + rows,
+    )
+    assert sum(1 for _ in bag_messages(path)) == 300_000
+    monkeypatch.setenv("SAFESTAGE_LIMITS", "seconds=0")
+    with pytest.raises(ValueError, match="interrupted"):
+        list(bag_messages(path))
 
 
 @pytest.mark.parametrize("named", ["in the bag", "by --robot"])
