@@ -8,6 +8,7 @@ from random import Random
 
 import import_target
 import rlds_target
+import sqlite_target
 import states_target
 import transforms_target
 from mcap_target import Mcap
@@ -24,6 +25,7 @@ TARGETS = {
     **import_target.TARGETS,
     **rlds_target.TARGETS,
     **transforms_target.TARGETS,
+    **sqlite_target.TARGETS,
     **states_target.TARGETS,
     "rules": Rules,
     "bind": Bind,

@@ -34,6 +34,7 @@ FEW = {
     "lerobot": 40,
     "rlds": 40,
     "ros": 30,
+    "sqlite": 30,
     "foxglove": 40,
     "mujoco": 40,
     "rules": 60,
