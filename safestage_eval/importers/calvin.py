@@ -38,6 +38,7 @@ from .foreign_motion import fixed_if_still, make_track
 from .gaps import Gaps
 from .importer import Importer, Settings, SourceError
 from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .npz_arrays import npy_array, npz_arrays
 from .place_robot import place_robot
 from .robot_file import robot_from_urdf
 from .robot_model import scaled
@@ -71,12 +72,13 @@ class Calvin(Importer):
     def __init__(self, path: Path, settings: Settings) -> None:
         """Read which frames make up which episode; raise InputError where they are damaged."""
         super().__init__(path, settings)
-        try:
-            with (path / IDS).open("rb") as stream:
-                ids = np.load(stream)
-            pairs = np.asarray(ids, np.int64).reshape(-1, 2)
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}/{IDS}", f"cannot be read: {error}") from None
+        ids = npy_array(path / IDS)
+        if ids.dtype.kind not in "iu" or ids.size % 2:
+            raise InputError(
+                f"{path}/{IDS}", f"holds {ids.shape} {ids.dtype}.",
+                "integers, two for each episode: its first and its last frame",
+            )  # fmt: skip
+        pairs = ids.astype(np.int64).reshape(-1, 2)
         self._spans = {
             f"episode_{a:07d}_{b:07d}": (int(a), int(b)) for a, b in pairs if 0 <= a <= b
         }
@@ -133,17 +135,11 @@ class Calvin(Importer):
 
     def _frame(self, number: int) -> dict[str, F64]:
         path = self.path / f"episode_{number:07d}.npz"
+        found = npz_arrays(path, ("scene_obs", "robot_obs", "actions"))
         try:
-            with path.open("rb") as stream, np.load(stream) as found:
-                frame = {
-                    key: np.asarray(found[key], np.float64)
-                    for key in ("scene_obs", "robot_obs", "actions")
-                    if key in found.files
-                }
-        except Exception as error:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
-            raise InputError(
-                str(path), f"cannot be read: {error or type(error).__name__}"
-            ) from None
+            frame = {key: np.asarray(values, np.float64) for key, values in found.items()}
+        except (TypeError, ValueError) as error:
+            raise InputError(str(path), f"cannot be read: {error}") from None
         for key, width in (("scene_obs", 24), ("robot_obs", 15)):
             if key not in frame or frame[key].shape != (width,):
                 shape = frame[key].shape if key in frame else "no such array"

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 from safestage_eval.importers.importer import SourceError
+from safestage_eval.importers.npz_arrays import npz_arrays, npz_names
 
 from .stored_states import Stored
 
 NEEDED = {"qpos", "qvel"}
+WANTED = (*sorted(NEEDED), "time", "dt", "action", "ctrl", "success", "mujoco_version")
 LARGEST = 1 << 28
 """bytes of a model's text."""
 
@@ -30,7 +32,7 @@ class StateArrays:
     def __init__(self, path: Path) -> None:
         """Read the arrays. Raises SourceError when they do not belong together."""
         self._path = path
-        self._arrays = _arrays(path)
+        self._arrays = npz_arrays(path, WANTED)
         qpos, qvel = self._arrays["qpos"], self._arrays["qvel"]
         if qpos.ndim not in (2, 3) or qvel.ndim != qpos.ndim or qpos.shape[:-1] != qvel.shape[:-1]:
             raise SourceError(
@@ -44,11 +46,7 @@ class StateArrays:
         """By its arrays; None if it has others."""
         if path.suffix.lower() != ".npz" or not path.is_file():
             return None
-        try:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
-                return "qpos and qvel" if set(found.files) >= NEEDED else None
-        except Exception:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
-            return None
+        return "qpos and qvel" if npz_names(path) >= NEEDED else None
 
     def names(self) -> list[str]:
         """``env_0`` … of many environments, else ``states``."""
@@ -106,12 +104,3 @@ class StateArrays:
             fix=f"the MJCF as {self._path.stem}.xml or model.xml beside it, in one piece "
             "(mj_saveLastXML writes it)",
         )  # fmt: skip
-
-
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
-            wanted = (*NEEDED, "time", "dt", "action", "ctrl", "success", "mujoco_version")
-            return {key: np.asarray(found[key]) for key in wanted if key in found.files}
-    except Exception as error:  # noqa: BLE001 — as above
-        raise InputError(str(path), f"cannot be read: {error or type(error).__name__}") from None

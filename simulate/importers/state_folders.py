@@ -17,6 +17,7 @@ import numpy as np
 
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
+from safestage_eval.importers.npz_arrays import npz_arrays
 
 from .stored_states import Stored
 
@@ -94,20 +95,13 @@ def _read(folder: Path) -> Stored:
     parts, about = [], _json(folder.parent / "dataset_meta.json")
     successful = None
     for part in _state_files(folder):
-        try:
-            with part.open("rb") as archive:
-                arrays = np.load(archive, allow_pickle=False)
-                if not isinstance(arrays, np.lib.npyio.NpzFile):
-                    raise ValueError("it is no archive")
-                if "states" in arrays:
-                    parts.append(np.asarray(arrays["states"]))
-                if "env" in arrays:
-                    about = {"env": str(arrays["env"]), **about}
-                if "successful" in arrays:
-                    successful = bool(arrays["successful"]) or bool(successful)
-        except Exception as error:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
-            said = str(error) or type(error).__name__
-            raise InputError(str(part), f"cannot be read: {said}") from None
+        arrays = npz_arrays(part, ("states", "env", "successful"))
+        if "states" in arrays:
+            parts.append(arrays["states"])
+        if "env" in arrays:
+            about = {"env": str(arrays["env"]), **about}
+        if "successful" in arrays:
+            successful = bool(np.any(arrays["successful"])) or bool(successful)
     widths = {rows.shape[1:] for rows in parts}
     if len(widths) > 1:
         raise InputError(where, f"its parts have rows of different widths: {sorted(widths)}.")

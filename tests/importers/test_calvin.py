@@ -86,3 +86,23 @@ def test_frames_with_quaternions_are_refused(tmp_path):
     done = run("import", source, "--to", tmp_path / "out", "--map", tmp_path / "map.toml")
     assert done.code == 2
     assert "Euler angles" in done.err
+
+
+@pytest.mark.parametrize(
+    "ids", [np.array([[1j, 2]]), np.array(["a", "b"]), np.zeros(2, [("a", "f4")]), np.arange(3)]
+)
+def test_a_list_of_episodes_that_is_none(source, ids):
+    np.save(source / "ep_start_end_ids.npy", ids)
+    done = take(source)
+    assert done.code == 2
+    assert "Allowed: integers, two for each episode" in done.err
+    assert "Traceback" not in done.err
+
+
+def test_a_frame_that_unfolds_without_end(source):
+    """320 MiB of zeros, of which 320 kB are stored."""
+    path = source / "episode_0000120.npz"
+    np.savez_compressed(path, scene_obs=np.zeros(40 << 20), robot_obs=np.zeros(15))
+    done = take(source)
+    assert done.code == 2
+    assert "--limits decoded=" in done.err
