@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval._process import compiled
+from safestage_eval._process.kernel_folder import SIGNATURES, read_signatures
 from safestage_eval._process.kernel_types import to_json
-from safestage_eval._process.precompile import SIGNATURES, read_signatures
 from safestage_eval.run.score_many import score_paths
 
 Signatures = dict[str, dict[str, list[Any]]]
@@ -28,8 +28,8 @@ def called() -> Signatures:
     """Kernels of this process that have an entry for Python, with the types they are compiled for."""
     found: Signatures = {}
     for kernel in compiled.KERNELS:
-        function = kernel.py_func
-        for types in kernel.signatures if not kernel.targetoptions["no_cpython_wrapper"] else ():
+        function, made = kernel.py_func, kernel.dispatcher
+        for types in made.signatures if not made.targetoptions["no_cpython_wrapper"] else ():
             kinds = found.setdefault(function.__module__, {}).setdefault(function.__name__, [])
             kinds.append([to_json(kind) for kind in types])
     return found

@@ -9,33 +9,29 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import hashlib
 import importlib
-import json
 import os
-import platform
 import subprocess
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-import numba
-from numba.core.registry import cpu_target
-
-from .compiled import cache_folder, cache_name, is_writable
+from . import machine_code
+from .kernel_folder import Signatures, is_writable, read_signatures, stamp
 
 if sys.platform != "win32":  # where two processes may compile the same kernel
     import fcntl
 
-SIGNATURES = Path(__file__).with_name("kernel_signatures.json")
 PROGRAM = f"from {__name__} import serve; serve()"
 """Program of a compiling process."""
+
+GATHER = f"from {__name__} import gather; gather()"
+"""Program of the process that puts the machine code of all kernels into one file."""
 
 LOOK = 0.1
 """s between two looks whether another process has finished compiling."""
@@ -47,7 +43,7 @@ Tell = Callable[[int, int], None]
 
 
 def compile_kernels(tell: Tell | None = None) -> None:
-    """Compile what this machine has not compiled yet; return at once where nothing is missing.
+    """Compile what this machine has not compiled yet, and load it: at once where nothing is missing.
 
     One process compiles, others that need the kernels meanwhile wait for it. A kernel that cannot be
     compiled here, or a folder that cannot be written to, is no error: the kernel is then compiled when
@@ -56,15 +52,20 @@ def compile_kernels(tell: Tell | None = None) -> None:
     Args:
         tell: called with (compiled, total) kernels, first with 0.
     """
-    done = _stamp()
-    if done is None or done.exists():
-        return
+    done = stamp()
+    if done is not None and not done.exists():
+        _compile_all(done, tell)
+    machine_code.load()
+
+
+def _compile_all(done: Path, tell: Tell | None) -> None:
     signatures, tell = read_signatures(), tell or (lambda *_: None)
     total = sum(len(types) for kernels in signatures.values() for types in kernels.values())
     try:
         done.parent.mkdir(parents=True, exist_ok=True)
         with _only_one(done.with_suffix(".lock"), tell, total):
             if not done.exists() and _compile(by_room(signatures), tell, total):
+                _gather()
                 done.touch()
     except OSError:
         return
@@ -72,13 +73,13 @@ def compile_kernels(tell: Tell | None = None) -> None:
 
 def is_compiled() -> bool:
     """Whether this machine has compiled all kernels of this version."""
-    done = _stamp()
+    done = stamp()
     return done is not None and done.exists()
 
 
 def why_not_kept() -> str:
     """Why kernels are compiled anew by each process, in a sentence; empty where they are kept."""
-    done = _stamp()
+    done = stamp()
     if done is not None and (done.exists() or is_writable(done.parent)):
         return ""
     return (
@@ -96,36 +97,12 @@ def load_kernels() -> None:
                 compile_one(module, kernel, types)
 
 
-def by_room(signatures: dict[str, Any]) -> dict[str, list[str]]:
+def by_room(signatures: Signatures) -> dict[str, list[str]]:
     """Modules by their folder, largest first: kernels call no kernels of another folder."""
     rooms: dict[str, list[str]] = {}
     for module in signatures:
         rooms.setdefault(module.rpartition(".")[0], []).append(module)
     return dict(sorted(rooms.items(), key=lambda item: -_size(item[1])))
-
-
-def read_signatures() -> dict[str, dict[str, list[Any]]]:
-    """Module → kernel → lists of argument types as JSON."""
-    data: dict[str, dict[str, list[Any]]] = json.loads(SIGNATURES.read_bytes())
-    return data
-
-
-@cache
-def _stamp() -> Path | None:
-    """The file that says that all kernels of this version are compiled for this processor.
-
-    None where nothing can be kept.
-    """
-    target = cpu_target.target_context.codegen().magic_tuple()  # as NUMBA_CPU_NAME says, if it does
-    host = target, platform.machine(), sys.version
-    digest = hashlib.sha256(repr((numba.__version__, host)).encode())
-    digest.update(SIGNATURES.read_bytes())
-    root = Path(__file__).parents[1]
-    for room in by_room(read_signatures()):
-        digest.update(cache_name(root.parent / room.replace(".", "/")).encode())
-    chosen = numba.config.CACHE_DIR
-    folder = Path(chosen) if chosen else cache_folder(Path(__file__).parent)
-    return folder and folder / f"all-{digest.hexdigest()[:12]}.compiled"
 
 
 @contextlib.contextmanager
@@ -162,6 +139,14 @@ def _compile(rooms: Iterable[str], tell: Tell, total: int) -> bool:
     return not unfinished
 
 
+def _gather() -> None:
+    """Have another process put all machine code into one file; without it, numba loads kernels."""
+    quiet = subprocess.DEVNULL
+    subprocess.run(  # noqa: S603 — this package itself
+        [sys.executable, "-c", GATHER], stdout=quiet, stderr=quiet, env=_environment(), check=False
+    )
+
+
 def _drive(todo: deque[str], words: SimpleQueue[str]) -> None:
     """Hand rooms to one process as long as there are any, and pass on what it says."""
     try:
@@ -185,17 +170,22 @@ def _drive(todo: deque[str], words: SimpleQueue[str]) -> None:
 
 def _start() -> subprocess.Popen[str]:
     """A process of this package that compiles the rooms that it is named."""
-    where = os.pathsep.join(
-        [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-    )
     return subprocess.Popen(  # noqa: S603 — this package itself
         [sys.executable, "-c", PROGRAM],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "PYTHONPATH": where},
+        env=_environment(),
     )
+
+
+def _environment() -> dict[str, str]:
+    """Environment in which a process finds this package."""
+    where = os.pathsep.join(
+        [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+    )
+    return {**os.environ, "PYTHONPATH": where}
 
 
 def serve() -> None:
@@ -218,14 +208,32 @@ def _say(word: str) -> None:
     sys.stdout.flush()
 
 
+def gather() -> None:
+    """Put the machine code of all compiled kernels into one file, if it can be linked."""
+    from .kernel_types import from_json
+    from .object_code import LIBRARY_FUNCTIONS, entry_point
+
+    path, found = machine_code.file(), []
+    for module, kernels in read_signatures().items():
+        for name, all_types in kernels.items():
+            for types in all_types:
+                if compile_one(module, name, types):
+                    dispatcher = getattr(importlib.import_module(module), name).dispatcher
+                    if made := entry_point(dispatcher, tuple(map(from_json, types))):
+                        found.append(machine_code.Compiled(module, name, types, *made))
+    if path is not None:
+        machine_code.write(path, found, LIBRARY_FUNCTIONS)
+
+
 def compile_one(module: str, kernel: str, types: list[Any]) -> bool:
     """Compile a kernel for one list of types, or find that this was done; whether it could be."""
+    from numba.core.errors import NumbaError
+
     from .kernel_types import from_json
 
     try:
-        dispatcher = getattr(importlib.import_module(module), kernel)
-        dispatcher.compile(tuple(map(from_json, types)))
-    except (ImportError, AttributeError, TypeError, numba.core.errors.NumbaError):
+        getattr(importlib.import_module(module), kernel).load(tuple(map(from_json, types)))
+    except (ImportError, AttributeError, TypeError, NumbaError):
         return False
     return True
 

@@ -59,7 +59,8 @@ def homeless(installed, code, **more):
 COMPILE = (
     "from safestage_eval.states import persistence\n"
     "from safestage_eval._process.compiled import KERNELS\n"
-    "from safestage_eval._process.precompile import compile_one, read_signatures\n"
+    "from safestage_eval._process.kernel_folder import read_signatures\n"
+    "from safestage_eval._process.precompile import compile_one\n"
     "m, k = next((m, k) for m, k in read_signatures().items() if '.states.' in m)\n"
     "print(all(compile_one(m, name, t) for name, all in k.items() for t in all))\n"
 )

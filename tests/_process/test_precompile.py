@@ -11,23 +11,23 @@ from pathlib import Path
 import pytest
 
 from safestage_eval._process import precompile
+from safestage_eval._process.kernel_folder import read_signatures
 from safestage_eval._process.kernel_types import from_json, to_json
-from safestage_eval._process.precompile import read_signatures
 from safestage_eval.cli.shared_options import prepare_kernels
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ONE_ROOM = """
 import json, sys
 from pathlib import Path
-from safestage_eval._process import precompile
-precompile.SIGNATURES = Path(sys.argv[1])
+from safestage_eval._process import kernel_folder, precompile
+kernel_folder.SIGNATURES = Path(sys.argv[1])
 compiling = precompile._compile
 def counted(*args):
     print("compiles", flush=True)
     return compiling(*args)
 precompile._compile = counted
 precompile.compile_kernels()
-print("done" if precompile._stamp().exists() else "not done")
+print("done" if kernel_folder.stamp().exists() else "not done")
 """
 
 

@@ -10,7 +10,7 @@ from bodies import KINDS, any_geom, any_shape, box, put, shape, sphere, wanderer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval._process import compiled
+from safestage_eval._process import kernel_folder
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import pose
 from safestage_eval.geometry.edge import edge_margin
@@ -114,14 +114,18 @@ def test_machine_code_is_kept_by_the_content_of_the_sources(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     room = Path(pose.__file__).parent
-    before = compiled.cache_folder(room)
+    before = kernel_folder.cache_folder(room)
     assert before is not None
     assert before.name.startswith("kernels-")
-    may = compiled.os.access
-    monkeypatch.setattr(compiled.os, "access", lambda path, mode: path != room and may(path, mode))
+    may = kernel_folder.os.access
+    monkeypatch.setattr(
+        kernel_folder.os, "access", lambda path, mode: path != room and may(path, mode)
+    )
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "somewhere"))
-    compiled.cache_folder.cache_clear()
+    kernel_folder.cache_folder.cache_clear()
     try:
-        assert str(compiled.cache_folder(room)) == f"{tmp_path}/somewhere/safestage/{before.name}"
+        assert (
+            str(kernel_folder.cache_folder(room)) == f"{tmp_path}/somewhere/safestage/{before.name}"
+        )
     finally:
-        compiled.cache_folder.cache_clear()
+        kernel_folder.cache_folder.cache_clear()

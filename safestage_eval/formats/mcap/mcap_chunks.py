@@ -6,7 +6,6 @@ https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
-import sys
 from collections.abc import Iterable
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval._process.machine_code import is_loaded
 from safestage_eval.formats.checksum import crc32
 from safestage_eval.size_limits import current
 
@@ -31,12 +31,11 @@ _MOST = 256
 
 
 def functions() -> ModuleType:
-    """Return ``mcap_kernels`` where the compiler of kernels is loaded, else ``mcap_arrays``.
+    """Return ``mcap_kernels`` where kernels are loaded, else ``mcap_arrays``.
 
-    Loading the compiler takes longer than reading a file without it, and 60 MB. Whoever measures
-    shapes has it loaded.
+    Loading them takes longer than reading a file without them. Whoever measures shapes has them loaded.
     """
-    if "numba" not in sys.modules:
+    if not is_loaded():
         return mcap_arrays
     from . import mcap_kernels
 
