@@ -36,11 +36,9 @@ class ContactLog:
         """How many contacts there are at this moment; they and the constraint forces, as bytes."""
         memory = self._memory
         count = memory.ncon.value
-        return (
-            (count, memory.contacts(count).tobytes(), memory.forces().tobytes())
-            if count
-            else (0, b"", b"")
-        )
+        if not count:
+            return 0, b"", b""
+        return count, memory.contacts(count).tobytes(), memory.forces().tobytes()
 
     def take(self) -> None:
         """Take the forces of a step between two frames.
@@ -52,9 +50,15 @@ class ContactLog:
         if count:
             self._add(count, memory.contacts(count), memory.forces())
 
-    def take_frame(self, copied: Copied) -> None:
-        """Take the contacts (``copy``) of a frame, which ends with it."""
-        self._add(*copied)
+    def take_frame(self, copied: Copied | None = None) -> None:
+        """Take the contacts of a frame, which ends with it: a ``copy``, or those that are now."""
+        before = len(self._sizes)
+        if copied is None:
+            self.take()
+        elif copied[0]:
+            self._add(*copied)
+        if len(self._sizes) == before:
+            self._add(0, b"", b"")
         self._ends.append(len(self._sizes))
         self._frame += 1
         if self._contacts.used > BATCH:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Mapping, Sequence
+from typing import Any, Callable, Mapping, Sequence
 
 import numpy as np
 
 from . import step_hook
 from .body_facts import BodyFacts, Opening
-from .contact_log import ContactLog
+from .contact_log import ContactLog, Copied
 from .model_scene import ModelScene, body_names
 from .rollout_recorder import FRAME_DT, RolloutRecorder
 from .step_memory import StepMemory
@@ -117,6 +117,23 @@ class MujocoRecorder(RolloutRecorder):
 
     # ------------------------------------------------------------------ called at physics steps
 
+    def take_steps(self, step: Callable[..., None], model: Any, data: Any, count: int) -> None:
+        """Take physics steps; where none of them can be a frame, look at its contacts alone."""
+        clock, take, every = self._clock, self._contact_log.take, self._frame_dt is None
+        passed = 0
+        for last in range(count - 1, -1, -1):
+            if self._runge_kutta or (not last if every else clock.value > self._next):
+                self.before_step()
+                step(model, data)
+                self.after_step()
+            else:
+                step(model, data)
+                take()
+                passed += 1
+        self._seen += passed
+        self._since += passed
+        self._whole = self._whole or passed > 0
+
     def before_step(self) -> None:
         """A physics step begins: joints are now what its poses will be."""
         self._moment = moment = self._clock.value
@@ -139,7 +156,7 @@ class MujocoRecorder(RolloutRecorder):
     def before_contacts(self) -> None:
         """Contacts are about to be found anew without forces: keep those of the step before."""
         if self._whole and self._frame_dt is None:
-            self._held, self._whole = self._look(), False
+            self._held, self._whole = (self._look(), self._contact_log.copy()), False
 
     def after_forward(self) -> None:
         """All of the data belongs to the present moment."""
@@ -157,7 +174,7 @@ class MujocoRecorder(RolloutRecorder):
             self._moment = self._clock.value - (self._physics_dt if late else 0.0)
             self._joint_state = self._read_joints()
         if self._frame_dt is None or not self._since:
-            self._take_frame(self._look() if self._held is None else self._held)
+            self._take_frame(*(self._held or (self._look(),)))
         self._since = 0
 
     def _watch_no_more(self) -> None:
@@ -171,7 +188,7 @@ class MujocoRecorder(RolloutRecorder):
         return qpos.tobytes(), qvel.tobytes()
 
     def _look(self) -> tuple[Any, ...]:
-        """Copy what the data show, as bytes: moment, poses, velocities, joints, contacts."""
+        """Copy what the data show, as bytes: moment, poses, velocities, joints."""
         xpos, xquat, cvel, com, torque = self._views
         return (
             self._moment,
@@ -181,13 +198,13 @@ class MujocoRecorder(RolloutRecorder):
             com.tobytes(),
             torque.tobytes(),
             self._joint_state,
-            self._contact_log.copy(),
         )
 
-    def _take_frame(self, look: tuple[Any, ...]) -> None:
-        if self._keep(look[0], look[1:-1]):
+    def _take_frame(self, look: tuple[Any, ...], contacts: Copied | None = None) -> None:
+        """Keep a frame, with the contacts that are now if they were not copied at its moment."""
+        if self._keep(look[0], look[1:]):
             self._next = look[0] + (self._frame_dt or 0.0) - 0.5 * self._physics_dt
-            self._contact_log.take_frame(look[-1])
+            self._contact_log.take_frame(contacts)
 
     def _at_present(self) -> bool | None:
         """Whether poses are those of the present coordinates; None where nothing moves."""

@@ -16,7 +16,7 @@ _originals: dict[str, Callable[..., None]] = {}
 
 
 def watch(mujoco: Any, data: Any, watcher: Any) -> None:
-    """Call ``watcher.before_step``, ``after_step``, ``before_contacts`` and ``after_forward``."""
+    """Call ``watcher``'s ``take_steps``, ``before_step``, ``after_step``, ``before_contacts``, ``after_forward``."""
     if not _originals:
         for name in _NAMES:
             _originals[name] = getattr(mujoco, name)
@@ -38,11 +38,8 @@ def _step(m: Any, d: Any, nstep: int = 1) -> None:
     watcher, step = _watchers.get(id(d)), _originals["mj_step"]
     if watcher is None:
         step(m, d, nstep)
-        return
-    for _ in range(nstep):
-        watcher.before_step()
-        step(m, d)
-        watcher.after_step()
+    else:
+        watcher.take_steps(step, m, d, nstep)
 
 
 def _step1(m: Any, d: Any) -> None:
