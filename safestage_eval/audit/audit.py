@@ -15,7 +15,7 @@ from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
 from safestage_eval.formats.episode_filter import Selection
-from safestage_eval.run.pool import Local
+from safestage_eval.run.pool import Local, with_workers
 from safestage_eval.run.settings import Settings, load_settings
 from safestage_eval.verdicts.problem import Problem
 
@@ -105,7 +105,8 @@ def audit(
     specs = list(rules) or builtin_names()
     settings = load_settings(specs, bind=bind, assign=assign, roles=roles, protect=protect)
     chosen = Selection(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
-    episodes = audit_many([*chosen], checks, settings, jobs=jobs, progress=progress)
+    refs = [*with_workers(chosen, jobs)]
+    episodes = audit_many(refs, checks, settings, jobs=jobs, progress=progress)
     audited = [one for one in episodes if isinstance(one, Audited)]
     problems = tuple(one for one in episodes if isinstance(one, Problem))
     aborted = tuple(chosen.aborted)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, ContactTable, Episode, Track
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.episode.scene_shapes import PLANE, SPHERE, body_shapes
+from safestage_eval.episode.scene_shapes import PLANE, body_shapes
 from safestage_eval.geometry.pose import matrix
 
 from .subject import Subject
@@ -115,15 +115,8 @@ class Start:
         track = self.episode.track(body.name)
         frame = min(frame, len(track) - 1)
         turn = matrix(track.orientation[frame].astype(float))
-        half = np.where(shapes.kind[:, None] == SPHERE, shapes.size[:, :1], shapes.size)
-        round_ = (shapes.kind > 1) & (
-            shapes.kind < 4
-        )  # cylinders and capsules: radius, half length
-        long = shapes.size[:, 1] + np.where(shapes.kind == 3, shapes.size[:, 0], 0)
-        half = np.where(
-            round_[:, None], np.stack([shapes.size[:, 0], shapes.size[:, 0], long], 1), half
-        )
-        reach = np.einsum("gij,gj->gi", np.abs(np.einsum("ij,gjk->gik", turn, shapes.axes)), half)
+        axes = np.abs(np.einsum("ij,gjk->gik", turn, shapes.axes))
+        reach = np.einsum("gij,gj->gi", axes, shapes.half)
         centre = shapes.place @ turn.T + track.position[frame].astype(float)
         return centre - reach, centre + reach
 

@@ -35,6 +35,7 @@ class BodyShapes(NamedTuple):
         place: (G, 3) m, centres in the body frame.
         axes: (G, 3, 3) their axes in the body frame, as columns.
         radius: m, of the ball around the body frame's origin that holds all of them.
+        half: (G, 3) m, half sides of the box around each along its own axes.
     """
 
     kind: NDArray[np.int32]
@@ -42,6 +43,7 @@ class BodyShapes(NamedTuple):
     place: F64
     axes: F64
     radius: float
+    half: F64
 
 
 _KNOWN: dict[int, tuple[Body, BodyShapes]] = {}
@@ -78,7 +80,14 @@ def _built(body: Body, meshes: Mapping[str, Mesh]) -> BodyShapes:
         else:
             size[i, : len(geom.size)] = geom.size
         reach[i] = np.linalg.norm(place[i]) + _ball(geom, size[i])
-    return BodyShapes(kind, size, place, axes, float(reach.max()))
+    return BodyShapes(kind, size, place, axes, float(reach.max()), _half_sides(kind, size))
+
+
+def _half_sides(kind: NDArray[np.int32], size: F64) -> F64:
+    half = np.where(kind[:, None] == SPHERE, size[:, :1], size)
+    along = size[:, 1] + np.where(kind == CAPSULE, size[:, 0], 0)  # half length, and the caps
+    round_ = ((kind == CYLINDER) | (kind == CAPSULE))[:, None]
+    return np.where(round_, np.stack([size[:, 0], size[:, 0], along], 1), half)
 
 
 def _ball(geom: Geom, size: F64) -> float:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import ContactTable, Episode, Track
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.episode.invariants import all_finite
 
 Bool = NDArray[np.bool_]
 
@@ -60,10 +61,9 @@ class Gaps:
     def _clean(self, body: str, column: str, values: NDArray[np.float32]) -> NDArray[Any]:
         """A column as it is used, after noting where it was not measured."""
         known = self._tracks.setdefault(body, {})
-        with np.errstate(all="ignore"):
-            if np.isfinite(values.sum()):
-                known[column] = None
-                return values
+        if all_finite(values):
+            known[column] = None
+            return values
         lost: Bool = ~np.asarray(np.isfinite(values).all(axis=1))
         if not lost.any():
             known[column] = None
@@ -332,9 +332,7 @@ class _CleanContacts(ContactTable):
             if known is not None:
                 found[i] = known
                 continue
-            with np.errstate(all="ignore"):
-                sound = np.isfinite(values.sum())
-            if sound:
+            if all_finite(values):
                 whole.add((pair, columns[i]))
             else:
                 bad = ~np.isfinite(values)

@@ -11,7 +11,9 @@ from types import TracebackType
 from typing import Self
 
 from safestage_eval._process.children import LOADING
-from safestage_eval._process.spawned import LOOK, READY, Births, Spawned
+from safestage_eval._process.precompile import is_compiled
+from safestage_eval._process.spawned import LOOK, READY, WORTH_A_POOL, Births, Spawned, prepare
+from safestage_eval.formats import EpisodeRef
 from safestage_eval.size_limits import current
 from safestage_eval.verdicts.problem import Problem
 
@@ -196,3 +198,12 @@ class _Worker(Spawned):
             count, began = self._given
             fits = CHUNK * count / max(time.monotonic() - began, 1e-6)
             self.appetite = int(min(max(fits, 1), 2 * self.appetite, MOST))
+
+
+def with_workers(refs: Iterable[EpisodeRef], jobs: int | None) -> Iterator[EpisodeRef]:
+    """The same; workers get ready as soon as there are so many episodes that they will be needed."""
+    enough = WORTH_A_POOL if jobs is None else 2 if jobs > 1 else None
+    for count, ref in enumerate(refs, 1):
+        if count == enough and is_compiled():
+            prepare(PRELOAD)
+        yield ref

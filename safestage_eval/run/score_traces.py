@@ -15,8 +15,6 @@ from pathlib import Path
 from tempfile import mkdtemp
 from weakref import finalize
 
-from safestage_eval._process.precompile import is_compiled
-from safestage_eval._process.spawned import WORTH_A_POOL, prepare
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
 from safestage_eval.formats.episode_filter import Selection
@@ -25,7 +23,7 @@ from safestage_eval.verdicts.problem import Problem
 from .bind_checks import require_match
 from .engine_interface import Line, Numbered
 from .gates import Gates
-from .pool import PRELOAD, Local
+from .pool import Local, with_workers
 from .result_keys import Keys
 from .result_parts import Parts
 from .score_many import score_many
@@ -104,7 +102,7 @@ def score_traces(
         refs, told = iter(picked.refs), picked.told
     held = None
     if choice.resume is None and choice.engine == "local":
-        first = list(_with_workers(islice(refs, IN_MEMORY + 1), choice.jobs))
+        first = list(with_workers(islice(refs, IN_MEMORY + 1), choice.jobs))
         refs = chain(first, refs)
         held = first if len(first) <= IN_MEMORY else None
     if held is not None:
@@ -116,15 +114,6 @@ def score_traces(
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
     return replace(scores, sample=told, aborted=tuple(left_out), gates=Gates.of(settings.rules))
-
-
-def _with_workers(refs: Iterable[EpisodeRef], jobs: int | None) -> Iterator[EpisodeRef]:
-    """The same; workers get ready as soon as there are so many episodes that they will be needed."""
-    enough = WORTH_A_POOL if jobs is None else 2 if jobs > 1 else None
-    for count, ref in enumerate(refs, 1):
-        if count == enough and is_compiled():
-            prepare(PRELOAD)
-        yield ref
 
 
 def _in_memory(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
@@ -127,7 +129,7 @@ def pulling_forces(subject: Subject) -> Iterator[Defect]:
         return
     table = subject.episode.contacts
     normal, force = table.unordered("normal", "force")
-    off = np.abs(np.einsum("ij,ij->i", normal, normal) - 1) > UNIT
+    off = np.abs(_product(normal, normal) - 1) > UNIT
     if off.mean() > PULLS:
         square = np.einsum("ij,ij->i", table.normal, table.normal)  # by frame
         first = (np.abs(square - 1) > UNIT).argmax()
@@ -139,7 +141,7 @@ def pulling_forces(subject: Subject) -> Iterator[Defect]:
             field="contacts.normal",
         )
         return
-    along = np.einsum("ij,ij->i", normal, force)
+    along = _product(normal, force)
     strong = np.abs(along) > 0.01 * np.nanmax(np.abs(along), initial=0) + 1e-6
     if strong.any() and (pulls := float((along[strong] < 0).mean())) > PULLS:
         yield Defect(
@@ -148,6 +150,12 @@ def pulling_forces(subject: Subject) -> Iterator[Defect]:
             "forces are those on body 1 by body 2, or normals point from body 2 to body 1",
             field="contacts.force",
         )
+
+
+def _product(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """(N,) scalar products of (N, 3) vectors; einsum takes three times as long over axes so short."""
+    product: NDArray[Any] = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    return product
 
 
 @check(

@@ -67,8 +67,10 @@ def length_unit(subject: Subject) -> Iterator[Defect]:
         return
     points = np.concatenate(places).astype(float)
     with np.errstate(all="ignore"):
-        wide = float(np.nanmax(np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)))
-        middle = float(np.nanmedian(np.linalg.norm(points - np.nanmean(points, axis=0), axis=1)))
+        # nanmedian takes ten times as long
+        median = np.median if all_finite(points) else np.nanmedian
+        wide = float(np.nanmax(np.linalg.norm(points - median(points, axis=0), axis=1)))
+        middle = float(median(np.linalg.norm(points - np.nanmean(points, axis=0), axis=1)))
     if middle > FARTHEST or 0 < wide < NEAREST:
         yield Defect(
             f"the robot and its objects are spread over {wide:.3g} m.",

@@ -106,7 +106,14 @@ def _record(data: bytes, at: int, wanted: _Wanted, depth: int) -> tuple[dict[int
         else:
             number, at = _whole(data, at)
         if number not in wanted:
-            at = _behind(data, at, kind, depth)
+            if kind in _WHOLE:  # as most are, so that it is done without a call
+                while data[at] > 127:
+                    at += 1
+                at += 1
+            elif kind == _BYTES and data[at] <= 127:
+                at += 1 + data[at]
+            else:
+                at = _behind(data, at, kind, depth)
             continue
         inner = wanted[number]
         if inner is None and kind in _WHOLE:
