@@ -123,7 +123,7 @@ class References:
         else:
             self.report(
                 "R401", keys, f"there is no signal or state called {name}()",
-                "built-in signals and relations, and declared states (docs/meanings.md)",
+                "built-in signals and relations, and declared states (safestage rules signals)",
                 Near(name, names.callable()), key=key,
             )  # fmt: skip
             scope.unreadable()

@@ -230,7 +230,7 @@ def test_rendered_like_a_compiler(tmp_path: Path) -> None:
         "   |",
         '11 | require = { "clearence(a, b)" = ">= 5 cm" }',
         "   |             ^^^^^^^^^^^^^^^^^",
-        "   = allowed: built-in signals and relations, and declared states (docs/meanings.md)",
+        "   = allowed: built-in signals and relations, and declared states (safestage rules signals)",
         '   = fix: did you mean "clearance"?',
     ]
     assert Diagnostic(**json.loads(json.dumps(found.to_dict()))) == found
