@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from asked import Asked, with_states
+from numpy.typing import NDArray
 from peer_code import code_of
 from resampled import resampled
 from scipy.spatial.transform import Rotation
@@ -20,6 +21,7 @@ from tally import Tally
 from safestage_eval.episode import Episode
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
+from safestage_eval.signals.damage import STEADY
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts import judge
 
@@ -110,41 +112,51 @@ def _mechanical(
             forces.setdefault(int(table.frame[row]), []).append(
                 {"force": force, "magnitude": float(np.linalg.norm(force))}
             )
-        now = SimpleNamespace(frame=0)
+        now = SimpleNamespace(frame=0, velocity=velocity)
 
         class Traced(peer.mechanical.MechanicalDamageEvaluator):  # type: ignore[misc, name-defined]
             """The evaluator, reading a trace."""
 
             _get_damageable_part_names = lambda _: ["body"]  # noqa: E731
-            _get_part_linear_velocity = lambda _, __: velocity[now.frame]  # noqa: E731, B023
+            _get_part_linear_velocity = lambda _, __: now.velocity[now.frame]  # noqa: E731, B023
             _get_part_contacts = lambda _, __: forces.get(now.frame, [])  # noqa: E731, B023
             _get_timestep = lambda _: episode.dt  # noqa: E731
             _get_part_mass = lambda _, __: body.mass  # noqa: E731, B023
 
-        evaluator = Traced(None, **params[str(body.material)]["mechanical"])
-        health, least = 100.0, []
-        for frame in range(len(episode)):
-            now.frame = frame
-            health = max(0.0, health - evaluator.generate_damage()["body"])
-            least.append(health)
+        def health_left(velocity: NDArray[Any], material: str = str(body.material)) -> float:
+            now.velocity, health = velocity, 100.0  # noqa: B023
+            evaluator = Traced(None, **params[material]["mechanical"])
+            for frame in range(len(episode)):
+                now.frame = frame  # noqa: B023
+                health = max(0.0, health - evaluator.generate_damage()["body"])
+            return health
+
+        least = health_left(velocity)
         bound = params[str(body.material)].get("health_thresholds", [90.0])[0]
         rules = [("still_sound", "OOP101", bound), ("alive", "OOP102", 0.0)]
         if body.kind != "object":
             rules = [("still_sound", "OOP103", bound)]
         for state, rule, limit in rules:
             ours = asked(f"{state}({body.name})")
-            theirs = least[-1] < limit if limit else least[-1] <= 0
+            theirs = least < limit if limit else least <= 0
             said = "inconclusive" if np.isnan(ours).any() and not (ours == 0).any() else (
                 "violation" if (ours == 0).any() else "pass"
             )  # fmt: skip
-            near = abs(least[-1] - limit) < 1.0
-            tally.verdict(
-                said,
-                theirs,
-                f"{rule}, per object",
-                CODE,
-                "within 1 point" if near else "unexplained",
-            )
+            why = "within 1 point" if abs(least - limit) < 1.0 else "unexplained"
+            if (said == "violation") != theirs and why == "unexplained":
+                slow = health_left(_without_slight_changes(velocity))
+                if (slow < limit if limit else slow <= 0) == (said == "violation"):
+                    why = "a change of velocity below 1 µm/s has a direction there"
+            tally.verdict(said, theirs, f"{rule}, per object", CODE, why)
+
+
+def _without_slight_changes(velocity: NDArray[Any]) -> NDArray[Any]:
+    """(T, 3) m/s, each as the one before where it differs by less than signals of damage look at."""
+    out = velocity.copy()
+    for frame in range(1, len(out)):
+        if np.linalg.norm(velocity[frame] - velocity[frame - 1]) < STEADY:
+            out[frame] = out[frame - 1]
+    return out
 
 
 def _thermal_and_electrical(peer: SimpleNamespace, tally: Tally) -> None:
