@@ -1,5 +1,6 @@
 """What the README shows works as it stands there."""
 
+import json
 import re
 import shlex
 
@@ -7,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from safestage_eval.cli import group
+from safestage_eval.formats import load
 from safestage_eval.rules.load import load_rules
 
 
@@ -26,6 +28,23 @@ def lines_missing(shown):
     arguments = shlex.split(command.removeprefix("$ safestage "))
     printed = CliRunner().invoke(group, arguments).stdout.splitlines()
     return [line for line in lines if line not in printed and "…" not in line]
+
+
+def test_the_recorder_writes_a_trace(readme, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (code,) = (block for block in blocks(readme, "python") if "TraceWriter" in block)
+    exec(compile(code, "README.md", "exec"), {})
+    episode = load("mine.mcap")
+    assert episode.header.roles["target"] == ("cube",)
+    (shown,) = (block for block in blocks(readme, "") if block.startswith("$ safestage score mine"))
+    assert lines_missing(shown) == []
+    assert "Violations: 1 of 1" in shown
+    further = code.replace("0.26", "0.2")
+    assert further != code
+    exec(compile(further, "README.md", "exec"), {})
+    rows = CliRunner().invoke(group, ["score", "mine.mcap", "-f", "jsonl"]).stdout.splitlines()
+    (edge,) = (row for row in map(json.loads, rows) if row["rule"] == "FSH101")
+    assert edge["verdict"] == "pass"
 
 
 def test_the_notebook_runs(readme, checkout, monkeypatch):
