@@ -115,8 +115,8 @@ def _turned(q: F32, i: int) -> Any:
     square = x * x + y * y + z * z
     if square < 1e-4 * w * w:  # the series of atan: as precise, in a third of the time
         r = square / (w * w)
-        scale = 2.0 / w * (1.0 - r * (1.0 / 3.0 - r * (1.0 / 5.0 - r / 7.0)))
-        return x * scale, y * scale, z * scale
+        small = 2.0 / w * (1.0 - r * (1.0 / 3.0 - r * (1.0 / 5.0 - r / 7.0)))
+        return x * small, y * small, z * small
     size = np.sqrt(square)
     angle = 2.0 * np.arctan2(size, abs(w))
     scale = (angle / size if size > 1e-12 else 2.0) * (1.0 if w >= 0 else -1.0)

@@ -273,12 +273,15 @@ def _apart(segments: F64, rim: F64, corners: F64) -> float:
 
 def _each_apart(segments: F64, rim: F64, corners: F64) -> F64:
     """(S,) as ``_apart``, of each segment."""
-    way = segments[:, 1] - segments[:, 0]
-    lever = corners[None] - segments[:, :1]
-    square = np.maximum((way**2).sum(1), 1e-300)[:, None]
-    share = np.clip((lever * way[:, None]).sum(2) / square, 0, 1)
-    off = lever - share[..., None] * way[:, None]
-    across = np.sqrt((off**2).sum(2).min(1))
+    # x and y by themselves: numpy takes ten times as long to add up along an axis of two
+    (way_x, way_y), first = (
+        (segments[:, 1] - segments[:, 0]).T[..., None],
+        segments[:, 0].T[..., None],
+    )
+    x, y = corners[:, 0] - first[0], corners[:, 1] - first[1]
+    square = np.maximum(way_x**2 + way_y**2, 1e-300)
+    share = np.clip((x * way_x + y * way_y) / square, 0, 1)
+    across = np.sqrt(((x - share * way_x) ** 2 + (y - share * way_y) ** 2).min(1))
     to_rim = nearest_on(segments.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1)
     return np.asarray(np.minimum(to_rim, across))
 

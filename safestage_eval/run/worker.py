@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -47,6 +48,7 @@ def serve(pipe: Connection, answer: Callable[[EpisodeRef], Any]) -> None:
     heap.keep()
     bound = heap.Bound()
     compile_kernels()
+    gc.freeze()  # what is there by now stays: collections after an episode need not look at it
     try:
         pipe.send(READY)
         while (refs := pipe.recv()) is not None:

@@ -41,7 +41,7 @@ def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray
     many = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     if chunks and not (many and _is_number(kind.value_type)):
         raise TraceError(where, f"the column {column!r} holds {kind}.", "number lists")
-    widths = {int(w) for c in chunks for w in np.unique(np.diff(raw_values(c.offsets)))}
+    widths = {int(w) for c in chunks for w in _differences(raw_values(c.offsets))}
     if len(widths) > 1 or any(chunk.null_count for chunk in chunks):
         raise TraceError(
             where,
@@ -52,6 +52,12 @@ def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray
     flat = [flat_values(chunk) for chunk in chunks]
     values = np.concatenate(flat) if flat else np.zeros(0)
     return np.asarray(values, dtype).reshape(len(table), width)
+
+
+def _differences(offsets: NDArray[Any]) -> NDArray[Any]:
+    """The different steps between offsets; mostly there is one, which is soon seen."""
+    steps = np.diff(offsets)
+    return steps[:1] if (steps == steps[:1]).all() else np.unique(steps)
 
 
 def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.intp], list[str]]:

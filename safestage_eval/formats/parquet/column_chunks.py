@@ -155,6 +155,12 @@ def _behind(data: bytes, at: int, kind: int, depth: int) -> int:
         return at + _FIXED[kind]
     if kind in (_LIST, _SET):
         size, inner, at = _list_head(data, at)
+        if inner in _WHOLE:
+            for _ in range(size):
+                while data[at] > 127:
+                    at += 1
+                at += 1
+            return at
         for _ in range(size):
             at = _behind_element(data, at, inner, _deeper(depth))
         return at
