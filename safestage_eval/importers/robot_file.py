@@ -13,10 +13,11 @@ import numpy as np
 
 from safestage_eval._process import simulator
 from safestage_eval.episode import Body, Geom, Mesh
-from safestage_eval.errors import TraceError
+from safestage_eval.errors import InputError, TraceError
 
 from .guess_words import side_of
 from .importer import SourceError
+from .mesh_file import read_mesh
 from .robot_model import RobotJoint, RobotLink, RobotModel
 from .urdf_links import JOINTED, Link, MeshShape, numbers_of, origin_of, urdf_links
 
@@ -199,16 +200,13 @@ def _mesh(shape: MeshShape, folders: Sequence[Path], hollow: bool) -> Mesh | Non
 
 @lru_cache(maxsize=256)
 def _points(path: Path, scale: tuple[float, float, float], hollow: bool) -> Mesh | None:
-    import trimesh
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        loaded = trimesh.load(path, force="mesh")
-        points = np.asarray(loaded.vertices, np.float64) * scale
+        vertices, faces = read_mesh(path)
+        points = vertices * scale
         if hollow:
-            return Mesh.build(points, loaded.faces)
+            return Mesh.build(points, faces)
         return Mesh.build(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError, IndexError):
-        return None
-    except Exception:  # noqa: BLE001 — its loaders raise anything
+    except (InputError, QhullError, ValueError, IndexError):
         return None

@@ -13,6 +13,7 @@ from safestage_eval.errors import InputError
 
 from .importer import SourceError
 from .map_tables import BodyTable, MapFile, ShapeTable
+from .mesh_file import read_mesh
 
 Meshes = dict[str, Mesh]
 
@@ -152,17 +153,13 @@ def _geom(body: str, shape: ShapeTable, map_: MapFile, meshes: Meshes) -> Geom:
 
 
 def _mesh(folder: Path, shape: ShapeTable, where: str) -> Mesh:
-    import trimesh
-
     if shape.file is None:
         raise InputError(where, f"a {shape.kind} without a file.", fix='file = "mug.obj"')
-    path = folder / shape.file
     try:
-        loaded = trimesh.load(path, force="mesh")
-    except Exception as error:  # noqa: BLE001 — its loaders raise anything
-        raise InputError(where, f"{path}: no mesh could be read: {error}.") from None
-    vertices = np.asarray(loaded.vertices) * shape.scale
-    return Mesh.build(vertices, loaded.faces if shape.kind == "mesh" else ())
+        vertices, faces = read_mesh(folder / shape.file)
+    except InputError as error:
+        raise InputError(where, f"{error.where} {error.what}", error.allowed) from None
+    return Mesh.build(vertices * shape.scale, faces if shape.kind == "mesh" else ())
 
 
 def _unit(vector: Any, body: str) -> Any:
