@@ -70,6 +70,10 @@ PLACES = (
 )  # fmt: skip
 
 
+class NoSuchPlaceError(Exception):
+    """A place that cannot be made here."""
+
+
 def run(words: list[str], **more: object) -> str:
     """Return the output of a command. Raises RuntimeError with its last lines if it fails."""
     done = subprocess.run(
@@ -128,8 +132,26 @@ def installed(uv: str, python: str, wheel: Path, folder: Path, *, lowest: bool) 
     return made
 
 
+def within(place: Place, made: Path, words: list[str]) -> list[str]:
+    """The words of a command in a place."""
+    words = [*place.words, *words]
+    if place.before:
+        script = f'{place.before.format(venv=made)} && exec "$@"'
+        words = ["unshare", "-m", "sh", "-c", script, "sh", *words]
+    return words
+
+
 def scored(made: Path, folder: Path, place: Place) -> None:
-    """Score the traces in a place. Raises RuntimeError where a verdict is not the expected one."""
+    """Score the traces in a place.
+
+    Raises:
+        NoSuchPlaceError: it cannot be made.
+        RuntimeError: a verdict is not the expected one.
+    """
+    try:
+        run(within(place, made, ["true"]))
+    except (RuntimeError, OSError) as error:
+        raise NoSuchPlaceError(error) from None
     shutil.copytree(ROOT / "traces", folder / "traces", dirs_exist_ok=True)
     shutil.copytree(ROOT / "rules", folder / "rules", dirs_exist_ok=True)
     (folder / "empty").mkdir(exist_ok=True)
@@ -139,10 +161,6 @@ def scored(made: Path, folder: Path, place: Place) -> None:
         str(made / "bin/python"), "-I", str(made / "bin/safestage-score"), str(folder / "traces"),
         "--rules", str(folder / "rules"), "--golden", str(folder / "traces/golden.json"), "-j", "1",
     ]  # fmt: skip
-    words = [*place.words, *words]
-    if place.before:
-        script = f'{place.before.format(venv=made)} && exec "$@"'
-        words = ["unshare", "-m", "sh", "-c", script, "sh", *words]
     dropped = {
         "PYTHONPATH",
         "NUMBA_CACHE_DIR",
@@ -151,7 +169,7 @@ def scored(made: Path, folder: Path, place: Place) -> None:
         *place.without,
     }
     env = {name: value for name, value in os.environ.items() if name not in dropped}
-    said = run(words, cwd=folder / "empty", env=env)
+    said = run(within(place, made, words), cwd=folder / "empty", env=env)
     if "FSH101" not in said and "episodes" not in said:
         raise RuntimeError(f"nothing was scored: {said[-300:]}")
 
@@ -220,11 +238,17 @@ def cell(told: Table, names: tuple[str, str, str], work: Callable[[], str]) -> N
     began = time.monotonic()
     try:
         said = ("as expected", work())
+    except NoSuchPlaceError as error:
+        said = ("not tried", _last_line(error))
     except (RuntimeError, subprocess.TimeoutExpired) as error:
         sys.stderr.write(f"{names}: {error}\n")
-        lines = str(error).strip().splitlines()
-        said = ("FAILS", lines[-1][:160].replace("|", "/") if lines else type(error).__name__)
+        said = ("FAILS", _last_line(error))
     told.add(*names, *said, f"{time.monotonic() - began:.0f} s")
+
+
+def _last_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[-1].strip()[:160].replace("|", "/") if lines else type(error).__name__
 
 
 def matrix(folder: Path, only: str, told: Table) -> None:
