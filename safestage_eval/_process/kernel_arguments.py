@@ -64,7 +64,7 @@ def _array(dtype: np.dtype[Any], ndim: int, layout: str, *, mutable: bool) -> Ch
     def check(value: Any) -> bool:
         return (
             value.__class__ is np.ndarray
-            and value.dtype is dtype
+            and value.dtype == dtype
             and value.ndim == ndim
             and value.flags.num & bits == wanted
         )

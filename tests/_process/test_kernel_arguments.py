@@ -22,6 +22,7 @@ VALUES = [
     3, -(2**63), 2**63 - 1, np.int64(3), 3.5, np.float64(3.5), True, np.bool_(0), (1, 2), (1.0,),
     GRID, GRID.T, GRID[:, ::2], GRID[:1], GRID[0], GRID[0, ::2], frozen(GRID.copy()), GRID[:0],
     GRID.astype(np.float32), GRID.astype(int), GRID.astype(np.int32), GRID > 1, np.zeros((2, 2, 2)),
+    GRID.view(np.dtype("f8").newbyteorder("=")),  # as Parquet is read: no dtype of numpy's own
     Pieces(GRID[:, :2].copy(), np.arange(3)), Pieces(GRID[:, :2], np.arange(3)),
 ]  # fmt: skip
 KINDS = [

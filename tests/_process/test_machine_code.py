@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from safestage_eval._process.machine_code import Compiled
 from safestage_eval._process.precompile import compile_kernels
 from safestage_eval.geometry import polygon
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 FRESH = """
 import sys
 import numpy as np
@@ -105,3 +107,22 @@ def test_code_that_cannot_be_linked_is_not_kept(tmp_path):
         path, [Compiled("module", "kernel", [], "symbol", {}, b"no object file")], ()
     )
     assert [*tmp_path.iterdir()] == []
+
+
+def test_a_first_verdict_loads_no_numba(file, tmp_path):
+    """Of MCAP and of Parquet: their arrays have dtypes of their own."""
+    trace = str(next((CHECKOUT / "traces").glob("fsh_*.mcap")))
+    run(["convert", trace, "--to", "parquet", "--out", str(tmp_path / "parquet")])
+    for path in (trace, str(tmp_path / "parquet")):
+        assert run(["score", path, "--rules", "fsh", "--jobs", "1"]).endswith("numba: False\n")
+
+
+def run(arguments):
+    """What a command writes, and whether numba was loaded."""
+    code = (
+        "import sys; from safestage_eval.cli import main; sys.argv = ['safestage', *sys.argv[1:]]\n"
+        "try: main()\n"
+        "finally: print('numba:', 'numba' in sys.modules)\n"
+    )
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
