@@ -12,7 +12,7 @@ from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import body_shapes
 
-from .pose_checks import BORNE, borne_shares
+from .gravity_checks import BORNE, borne_shares
 
 LARGE, SMALL = 5.0, 5e-4
 """m; radius of the ball around an object that a robot arm has to do with."""
