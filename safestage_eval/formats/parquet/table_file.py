@@ -37,6 +37,11 @@ _FILES_KEPT = 12
 SMALL = 1 << 22
 """Bytes of texts that are not counted any closer."""
 
+_NUMBERS = frozenset(
+    kind.id
+    for kind in (pa.int16(), pa.uint16(), pa.int32(), pa.int64(), pa.float32(), pa.float64())
+)
+
 EPISODES_TABLE = "meta/episodes"
 """The table that is always read whole, and needs no row index."""
 
@@ -58,7 +63,11 @@ class Footer:
     @cached_property
     def columns(self) -> frozenset[str]:
         """Names of the columns, of lists and records too."""
-        return frozenset(self.metadata.schema.to_arrow_schema().names)
+        return frozenset(self._arrow.names)
+
+    @cached_property
+    def _arrow(self) -> pa.Schema:
+        return self.metadata.schema.to_arrow_schema()
 
     @cached_property
     def wide(self) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
@@ -68,14 +77,15 @@ class Footer:
         number of values.
         """
         plain, shared, nested = set(), set(), set()
-        for field in self.metadata.schema.to_arrow_schema():
-            kind = field.type
+        for name, kind in zip(self._arrow.names, self._arrow.types, strict=True):
+            if kind.id in _NUMBERS:  # most of them, and not asked any further
+                continue
             if _is_text(kind):
-                plain.add(field.name)
+                plain.add(name)
             elif pa.types.is_dictionary(kind):
-                shared.add(field.name)
+                shared.add(name)
             elif pa.types.is_nested(kind):
-                nested.add(field.name)
+                nested.add(name)
         return frozenset(plain), frozenset(shared), frozenset(nested)
 
     @cached_property
