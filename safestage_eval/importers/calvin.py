@@ -46,6 +46,8 @@ from .scene_bodies import apply_map, fixed_from_map
 
 F64 = NDArray[np.float64]
 
+WIDTHS = {"scene_obs": 24, "robot_obs": 15, "actions": 7}
+"""Numbers in a frame; actions may be missing."""
 LENGTHS = {"small": 0.05, "middle": 0.07, "big": 0.10}
 BLOCKS = {
     "A": (("block_pink", "small"), ("block_blue", "big"), ("block_red", "middle")),
@@ -73,15 +75,17 @@ class Calvin(Importer):
         """Read which frames make up which episode; raise InputError where they are damaged."""
         super().__init__(path, settings)
         ids = npy_array(path / IDS)
-        if ids.dtype.kind not in "iu" or ids.size % 2:
+        pairs = (
+            ids.astype(np.int64).reshape(-1, 2)
+            if ids.dtype.kind in "iu" and not ids.size % 2
+            else ()
+        )
+        if not len(pairs) or any(not 0 <= a <= b for a, b in pairs):
             raise InputError(
-                f"{path}/{IDS}", f"holds {ids.shape} {ids.dtype}.",
-                "integers, two for each episode: its first and its last frame",
+                f"{path}/{IDS}", f"holds {ids.shape} {ids.dtype}, not the frames of episodes.",
+                "two integers for each episode: the numbers of its first and its last frame",
             )  # fmt: skip
-        pairs = ids.astype(np.int64).reshape(-1, 2)
-        self._spans = {
-            f"episode_{a:07d}_{b:07d}": (int(a), int(b)) for a, b in pairs if 0 <= a <= b
-        }
+        self._spans = {f"episode_{a:07d}_{b:07d}": (int(a), int(b)) for a, b in pairs}
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -135,16 +139,17 @@ class Calvin(Importer):
 
     def _frame(self, number: int) -> dict[str, F64]:
         path = self.path / f"episode_{number:07d}.npz"
-        found = npz_arrays(path, ("scene_obs", "robot_obs", "actions"))
-        try:
-            frame = {key: np.asarray(values, np.float64) for key, values in found.items()}
-        except (TypeError, ValueError) as error:
-            raise InputError(str(path), f"cannot be read: {error}") from None
-        for key, width in (("scene_obs", 24), ("robot_obs", 15)):
-            if key not in frame or frame[key].shape != (width,):
-                shape = frame[key].shape if key in frame else "no such array"
-                raise SourceError(str(path), f"{key}: {shape}.", f"({width},), with Euler angles")
-        return frame
+        frame = npz_arrays(path, WIDTHS)
+        for key, width in WIDTHS.items():
+            array = frame.get(key)
+            if array is None and key == "actions":
+                continue
+            if array is None or array.shape != (width,) or array.dtype.kind not in "iuf":
+                found = "no such array" if array is None else f"{array.shape} {array.dtype}"
+                raise SourceError(
+                    str(path), f"{key}: {found}.", f"({width},) numbers, with Euler angles"
+                )
+        return {key: values.astype(np.float64) for key, values in frame.items()}
 
     def _scene(self) -> str:
         if self.settings.map.source.scene is None:

@@ -61,7 +61,7 @@ class Import(ABC):
         self.source, columns = self.write(self.seed)
         text = self.said() + columns
         (folder / "map.toml").write_text(text)
-        self.settings = Settings(map=load_map(folder / "map.toml"))
+        self.settings = self.told(folder / "map.toml")
         imported = import_all(self.seed, folder / "sound", self.settings)
         assert imported.imported, imported.failed
         assert not imported.failed
@@ -73,6 +73,10 @@ class Import(ABC):
     def said(self) -> str:
         """The map file without columns."""
         return map_text(episode())
+
+    def told(self, path: Path) -> Settings:
+        """What a user adds, by the path of the map file."""
+        return Settings(map=load_map(path))
 
     @abstractmethod
     def write(self, folder: Path) -> tuple[Path, str]:

@@ -6,6 +6,7 @@ import traceback
 import warnings
 from random import Random
 
+import calvin_target
 import import_target
 import rlds_target
 import sqlite_target
@@ -24,6 +25,7 @@ TARGETS = {
     "zip": Zipped,
     **import_target.TARGETS,
     **rlds_target.TARGETS,
+    **calvin_target.TARGETS,
     **transforms_target.TARGETS,
     **sqlite_target.TARGETS,
     **states_target.TARGETS,

@@ -33,6 +33,7 @@ FEW = {
     "maniskill": 30,
     "lerobot": 40,
     "rlds": 40,
+    "calvin": 20,
     "ros": 30,
     "sqlite": 30,
     "foxglove": 40,

@@ -89,14 +89,31 @@ def test_frames_with_quaternions_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "ids", [np.array([[1j, 2]]), np.array(["a", "b"]), np.zeros(2, [("a", "f4")]), np.arange(3)]
-)
+    "ids",
+    [np.array([[1j, 2]]), np.array(["a", "b"]), np.zeros(2, [("a", "f4")]), np.arange(3), np.zeros((0, 2), int),
+     np.array([[-5, 103]]), np.array([[100, 103], [9, 8]]), np.array([0, 2**64 - 1], np.uint64)],
+)  # fmt: skip
 def test_a_list_of_episodes_that_is_none(source, ids):
     np.save(source / "ep_start_end_ids.npy", ids)
     done = take(source)
     assert done.code == 2
-    assert "Allowed: integers, two for each episode" in done.err
+    assert "Allowed: two integers for each episode" in done.err
     assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("key", "array"),
+    [("scene_obs", np.zeros(24, complex)), ("robot_obs", np.zeros(15, "U8")), ("actions", np.zeros(6)),
+     ("actions", np.zeros((7, 1))), ("scene_obs", np.array(1.0)), ("actions", np.zeros(7, "M8[s]"))],
+)  # fmt: skip
+def test_a_frame_with_other_arrays_is_refused(source, key, array):
+    path = source / "episode_0000120.npz"
+    with np.load(path) as frame:
+        np.savez(path, **{**frame, key: array})
+    done = take(source)
+    assert done.code == 2
+    assert f"episode_0000120.npz: {key}: {array.shape} {array.dtype}." in done.err
+    assert "bug" not in done.err
 
 
 def test_a_frame_that_unfolds_without_end(source):
