@@ -149,6 +149,8 @@ class Calvin(Importer):
                 raise SourceError(
                     str(path), f"{key}: {found}.", f"({width},) numbers, with Euler angles"
                 )
+            if not np.isfinite(array).all():
+                raise SourceError(str(path), f"{key} is not finite throughout.", "numbers")
         return {key: values.astype(np.float64) for key, values in frame.items()}
 
     def _scene(self) -> str:

@@ -116,6 +116,20 @@ def test_a_frame_with_other_arrays_is_refused(source, key, array):
     assert "bug" not in done.err
 
 
+@pytest.mark.parametrize("key", ["scene_obs", "robot_obs", "actions"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_numbers_that_are_none_are_told(source, key, value):
+    for path in source.glob("episode_*.npz"):
+        with np.load(path) as frame:
+            arrays = {**frame}
+        arrays[key][-1] = value
+        np.savez(path, **arrays)
+    done = take(source)
+    assert done.code == 2
+    assert f"episode_0000100.npz: {key} is not finite throughout" in done.err
+    assert "bug" not in done.err
+
+
 def test_a_frame_that_unfolds_without_end(source):
     """320 MiB of zeros, of which 320 kB are stored."""
     path = source / "episode_0000120.npz"
