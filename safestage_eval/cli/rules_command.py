@@ -301,7 +301,7 @@ def test(
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.find import groups
     from safestage_eval.whatif.check_suites import check_sets
-    from safestage_eval.whatif.mistakes import KINDS
+    from safestage_eval.whatif.tree_mistakes import KINDS
 
     recorded = discover(list(traces)) if traces else []
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}

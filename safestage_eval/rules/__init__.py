@@ -5,7 +5,8 @@ from .diagnostic import Diagnostic, RuleErrors
 from .digest import rule_digest
 from .files import benchmark_names, builtin_names
 from .load import check_rules, load_rules
-from .resolve import Binding, bind_episode, parse_overrides, parse_settings
+from .overrides import parse_overrides, parse_settings
+from .resolve import Binding, bind_episode
 from .syntax import GoalDef, Rule, RuleSet
 
 __all__ = [

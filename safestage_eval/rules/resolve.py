@@ -8,21 +8,21 @@ Where no source assigns rules, all those are assigned whose roles are bound.
 from __future__ import annotations
 
 import itertools
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from typing import Any
 
-from safestage_eval.episode import Body, Header, Joint
+from safestage_eval.episode import Header
 from safestage_eval.errors import RuleError
 
-from . import build, parse
+from . import build
 from . import syntax as ast
 from .bind_file import BindFile
 from .check import check_goal
-from .names import Names, a_dimension, dimension_of, nearest
+from .names import Names
+from .overrides import parse_overrides, setting
+from .role_players import bodies_of, demand_players
 
 BY_ROLES = "no source assigns rules, and its roles are bound"
 """Provenance of rules that are assigned because every role has a body."""
@@ -107,7 +107,7 @@ class Binding:
 
     def players(self, rule: ast.Scoped, header: Header) -> dict[str, tuple[str, ...]]:
         """Role of the rule → the bodies that play it; empty where none does."""
-        return {name: self._players(name, spec, header) for name, spec in rule.roles}
+        return {name: bodies_of(name, spec, self.roles, header) for name, spec in rule.roles}
 
     def unbound(self, rule: ast.Scoped) -> tuple[str, ...]:
         """Roles of a rule that no source binds; an empty list binds a role to no body.
@@ -177,26 +177,6 @@ class Binding:
         roles = self.goal.roles if self.goal is not None else ()
         return {name: self.roles.get(name, ()) for name, _ in roles}
 
-    def _players(self, name: str, spec: ast.RoleSpec, header: Header) -> tuple[str, ...]:
-        """The bodies bound to the role; where it is not bound, for ``every``, all of its kind."""
-        excluded = {body for role in spec.excluding for body in self.roles.get(role, ())}
-        bodies: Sequence[str] = self.roles.get(name, ())
-        if name not in self.roles and spec.every:
-            bodies = (
-                [joint.name for joint in header.joints]
-                if spec.kind == "joint"
-                else [b.name for b in header.bodies if _is_kind(b, spec.kind)]
-            )
-        tags = {b.name: b.tags for b in header.bodies}
-        if spec.kind == "joint":
-            tags |= {joint.name: _joint_tags(joint, header) for joint in header.joints}
-        if name not in self.roles and spec.named is not None:
-            of_task = {body for players in self.roles.values() for body in players}
-            bodies = [b for b in bodies if (b in of_task) == spec.named] if self.roles else []
-        return tuple(
-            b for b in bodies if b not in excluded and (spec.tag is None or spec.tag in tags[b])
-        )
-
 
 def bind_episode(
     rules: ast.RuleSet,
@@ -249,7 +229,7 @@ def bind_episode(
         if layer.goal:
             goal, provenance["goal"] = layer.goal, source
     found, notes = _goal(rules, header, goal)
-    _players_exist(rules, found, header, roles, provenance)
+    demand_players(rules, found, header, roles, provenance)
     chosen = parse_overrides(rules, overrides or {})
     values.update(chosen)
     provenance.update({f"param.{name}": "--set" for name in chosen})
@@ -280,105 +260,15 @@ def _untagged(binding: Binding, codes: Iterable[str], header: Header) -> Iterato
         )
 
 
-def parse_settings(settings: Sequence[str]) -> dict[str, str]:
-    """``["edge=3 cm"]`` → ``{"edge": "3 cm"}``; the last of one name wins.
-
-    Raises:
-        RuleError: no ``name=value``.
-    """
-    found = {}
-    for text in settings:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not equals or not value or not re.fullmatch(parse.NAME, name):
-            raise RuleError(f"--set {text}", "not a setting.", 'name=value: --set edge="3 cm"')
-        found[name] = value
-    return found
-
-
-def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, ast.Setting]:
-    """``{"edge": "3 cm"}`` → values, checked against the parameters' dimensions.
-
-    Raises:
-        RuleError: an unknown parameter, no quantity, the wrong dimension.
-    """
-    return {
-        name: _setting(rules, name, text, f"--set {name}={text}")
-        for name, text in overrides.items()
-    }
-
-
-def _setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> ast.Setting:
-    if name not in rules.params:
-        raise RuleError(
-            where,
-            f'no loaded rule file has a parameter "{name}".',
-            ", ".join(sorted(rules.params)),
-            nearest(name, rules.params),
-        )
-    try:
-        value = parse.setting(text)
-    except parse.GrammarError as problem:
-        raise RuleError(where, f"{problem.what}.", problem.allowed) from None
-    wanted, given = dimension_of(rules.params[name]), dimension_of(value)
-    if wanted != given:
-        bare = re.search("[a-z%°]", str(text), re.IGNORECASE) is None
-        raise RuleError(
-            where,
-            f'{name} is in {wanted}, but "{text}" {"has no unit" if bare else f"is in {given}"}.',
-            f"{a_dimension(wanted)}; its default is {rules.params[name].text}",
-        )
-    return value
-
-
 def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
     values = tuple(
-        (name, _setting(rules, name, text, f"trace header, parameter {name}"))
+        (name, setting(rules, name, text, f"trace header, parameter {name}"))
         for name, text in header.parameters.items()
         if name in rules.params  # a parameter of rules that are not loaded is of no concern here
     )
     goal = header.goal if isinstance(header.goal, str) else None
     roles = tuple(header.roles.items())
     return ast.TaskDef(header.task or "", header.family, header.rules, goal, roles, values)
-
-
-def _players_exist(
-    rules: ast.RuleSet,
-    goal: ast.GoalDef | None,
-    header: Header,
-    roles: Mapping[str, Sequence[str]],
-    provenance: Mapping[str, str],
-) -> None:
-    bodies = {body.name for body in header.bodies}
-    if bodies.issuperset(player for players in roles.values() for player in players):
-        return
-    joints = {joint.name for joint in header.joints}
-    judged: list[tuple[str, ast.Rule | ast.Cost | ast.GoalDef]] = [
-        *rules.rules.items(),
-        *rules.costs.items(),
-        *((f"goal {goal.name}", goal) for goal in ([goal] if goal is not None else [])),
-    ]
-    of_bodies = {
-        name: label for label, user in judged for name, spec in user.roles if spec.kind != "joint"
-    }
-    for role, players in roles.items():
-        for player in players:
-            where = (
-                f"task {header.task or 'without a name'}, role {role} "
-                f"({provenance[f'roles.{role}']})"
-            )
-            if player not in bodies | joints:
-                raise RuleError(
-                    where,
-                    f'"{player}" is no body of the trace.',
-                    ", ".join(sorted(bodies)),
-                    nearest(player, bodies | joints),
-                )
-            if player not in bodies and role in of_bodies:
-                raise RuleError(
-                    where,
-                    f'"{player}" is a joint, and in {of_bodies[role]} a body plays this role.',
-                    ", ".join(sorted(bodies)),
-                )
 
 
 def _goal(
@@ -397,23 +287,3 @@ def _goal(
         first = problems[0]
         raise RuleError("trace header, goal", f"{first.what}.", first.allowed, first.fix)
     return build.Builder(frozenset(rules.phases)).goal("header", header.goal), ()
-
-
-def _joint_tags(joint: Joint, header: Header) -> tuple[str, ...]:
-    """A joint is tagged with its kind, and with the kind and the tags of the body that it moves."""
-    moved = [body for body in header.bodies if body.name == joint.body]
-    return (joint.kind, *(tag for body in moved for tag in (body.kind, *body.tags)))
-
-
-def _is_kind(body: Body, kind: str) -> bool:
-    match kind:
-        case "body":
-            return True
-        case "link":
-            return body.kind in ("robot", "gripper")
-        case "container":
-            return body.cavity is not None or "cavity" in body.untold
-        case "surface":
-            return body.kind in ("object", "fixture")
-        case _:
-            return body.kind == kind

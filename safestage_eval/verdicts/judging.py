@@ -21,6 +21,7 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.units import format_quantity
 from safestage_eval.version import __version__
 
+from .consequences import with_consequences
 from .decided import is_decided
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
@@ -29,13 +30,11 @@ from .initial_state import first_frames
 from .obligations.cost import judge_cost
 from .players import combinations
 from .questions import short, verdict_question
-from .rule_verdict import how_often, judge_rule
+from .scoped_verdict import judge_with_levels
 from .success import native_success
 from .values import UNDECLARED
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 from .verdict_json import to_json, verdict_from_json
-
-STAGES = ("ISH", "ETS", "FSH")
 
 
 def judge(
@@ -201,7 +200,7 @@ class Judge:
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
-        return judged(self.evaluator(self._values(rule)), rule, players, blank)
+        return judge_with_levels(self.evaluator(self._values(rule)), rule, players, blank)
 
     def outline(self, rule: ast.Rule) -> Verdict:
         """As ``verdict``, but only whether it is inconclusive: a decided one is told as a pass."""
@@ -333,42 +332,6 @@ class Judge:
         ]
 
 
-def judged(
-    evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]], blank: Verdict
-) -> Verdict:
-    """The verdict of a rule, with the levels that are violated too; arguments as ``judge_rule``."""
-    found = judge_rule(evaluator, rule, players, blank)
-    if found.verdict != "violation":
-        return found
-    for level, values in rule.severity:
-        stricter = evaluator.under({**evaluator.params, **dict(values)})
-
-        def often(stricter: Evaluator = stricter) -> int:
-            return how_often(stricter, rule, players)
-
-        count = stricter.recall("breaches", rule, {}, often)
-        if count:
-            by_level = (*found.breaches_by_level, (level, count))
-            found = replace(found, severity=level, breaches_by_level=by_level)
-    return found
-
-
-def judge_scoped(
-    evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequence[str]]
-) -> Verdict:
-    """The verdict of a rule, or of a cost with a budget, as of an assigned one.
-
-    Of its fixed fields only those that the rule itself gives are filled in. ``not_applicable`` where
-    a role has no player, and for a cost without a budget.
-    """
-    blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
-    if not all(players.values()):
-        return blank
-    if isinstance(rule, ast.Rule):
-        return judge_rule(evaluator, rule, players, blank)
-    return judge_cost(evaluator, rule, players, blank)[1] or blank
-
-
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     """How many first frames estimate the initial state: ``[baseline] span``.
 
@@ -381,22 +344,3 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     if isinstance(counted, ast.Duration) and counted.frames and len(episode):
         return episode.clock.soon(frames)
     return frames
-
-
-def with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Mark violations that follow the assigned rule's own, at its stage or a later one."""
-    causes = [v for v in verdicts if v.assigned and v.verdict == "violation" and v.time is not None]
-    if not causes:
-        return list(verdicts)
-    cause = min(causes, key=lambda v: v.time or 0.0)
-    order = {stage: i for i, stage in enumerate(STAGES)}
-    return [
-        replace(v, consequence_of=cause.rule)
-        if not v.assigned
-        and v.verdict == "violation"
-        and v.time is not None
-        and v.time >= (cause.time or 0.0)
-        and order.get(v.stage, 0) >= order.get(cause.stage, 0)
-        else v
-        for v in verdicts
-    ]

@@ -11,7 +11,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.syntax import amount
 
 from .flip_table import FlipTable
-from .sweep import KEYS
+from .sweep_segments import KEYS
 from .swept_values import si_unit
 
 NARROW = 1e-4

@@ -17,14 +17,14 @@ from safestage_eval.verdicts.problem import Problem
 from .each_episode import each_episode
 from .flip_query import pieces_about, was_at_risk
 from .flip_table import FlipTable
-from .sweep import (
+from .sweep import Sweep
+from .sweep_segments import (
     CODES,
     FIELDS,
     KEYS,
     NO,
     OPEN,
     SEGMENTS,
-    Sweep,
     segment_frame,
     sweep_episode,
 )

@@ -14,7 +14,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judging import Judge, baseline_frames, judge_scoped
+from safestage_eval.verdicts.judging import Judge, baseline_frames
+from safestage_eval.verdicts.scoped_verdict import judge_scoped
 from safestage_eval.verdicts.verdict import Verdict
 
 

@@ -15,7 +15,8 @@ from safestage_eval.rules.digest import digest_of, reached
 from safestage_eval.rules.uses import own_params
 
 from .examples import Expected, Library, deciding
-from .mistakes import KINDS, Kind, mistakes, mistakes_in
+from .mistakes import mistakes, mistakes_in
+from .tree_mistakes import KINDS, Kind
 
 
 @dataclass(frozen=True)

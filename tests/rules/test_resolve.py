@@ -12,7 +12,6 @@ from safestage_eval.rules import (
     bind_tables,
     load_rules,
     parse_overrides,
-    parse_settings,
 )
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
@@ -191,16 +190,6 @@ def test_settings_that_do_not_fit(setting: dict[str, str], words: list[str]) -> 
             bind_episode(ruleset(), header(parameters=setting))
     with pytest.raises(RuleError, match="bind file"):
         bind_tables({"task": {"tea": {"set": setting}}}, ruleset())
-
-
-def test_settings_as_words_of_a_command() -> None:
-    assert parse_settings(["edge=3 cm", "hold = 2 s", "edge=4 cm"]) == {
-        "edge": "4 cm",
-        "hold": "2 s",
-    }
-    for text in ("edge", "edge=", "=3 cm", "Edge=3 cm"):
-        with pytest.raises(RuleError, match="name=value"):
-            parse_settings([text])
 
 
 def test_a_role_without_a_body() -> None:

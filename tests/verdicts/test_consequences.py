@@ -2,7 +2,7 @@
 
 import pytest
 
-from safestage_eval.verdicts.judging import with_consequences
+from safestage_eval.verdicts.consequences import with_consequences
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
 
 

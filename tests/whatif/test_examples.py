@@ -10,8 +10,8 @@ from safestage_eval.formats import discover, save
 from safestage_eval.rules import load_rules
 from safestage_eval.whatif.check_suites import check_sets
 from safestage_eval.whatif.examples import Library
-from safestage_eval.whatif.mistakes import KINDS
 from safestage_eval.whatif.mutants import definitions, hunt, mutants, mutants_in, resting_on
+from safestage_eval.whatif.tree_mistakes import KINDS
 
 RULE = """
 [ruleset]

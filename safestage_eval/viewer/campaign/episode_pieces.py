@@ -22,7 +22,8 @@ from safestage_eval.viewer.packed import packed, script
 from safestage_eval.viewer.videos import film_of
 from safestage_eval.whatif.each_episode import each_episode
 from safestage_eval.whatif.judge_again import Again
-from safestage_eval.whatif.sweep import Segment, Sweep, segment_frame, segments_of
+from safestage_eval.whatif.sweep import Sweep
+from safestage_eval.whatif.sweep_segments import Segment, segment_frame, segments_of
 from safestage_eval.whatif.swept_values import between
 
 from .run_list import piece_name

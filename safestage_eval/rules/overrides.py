@@ -1,0 +1,63 @@
+"""Values of parameters as they are set on the command line, in headers and in bind files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from safestage_eval.errors import RuleError
+
+from . import parse
+from . import syntax as ast
+from .names import a_dimension, dimension_of, nearest
+
+
+def parse_settings(settings: Sequence[str]) -> dict[str, str]:
+    """``["edge=3 cm"]`` → ``{"edge": "3 cm"}``; the last of one name wins.
+
+    Raises:
+        RuleError: no ``name=value``.
+    """
+    found = {}
+    for text in settings:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not value or not re.fullmatch(parse.NAME, name):
+            raise RuleError(f"--set {text}", "not a setting.", 'name=value: --set edge="3 cm"')
+        found[name] = value
+    return found
+
+
+def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, ast.Setting]:
+    """``{"edge": "3 cm"}`` → values, checked against the parameters' dimensions.
+
+    Raises:
+        RuleError: an unknown parameter, no quantity, the wrong dimension.
+    """
+    return {
+        name: setting(rules, name, text, f"--set {name}={text}") for name, text in overrides.items()
+    }
+
+
+def setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> ast.Setting:
+    """A value as somebody wrote it, checked against the parameter's dimension. Raises RuleError."""
+    if name not in rules.params:
+        raise RuleError(
+            where,
+            f'no loaded rule file has a parameter "{name}".',
+            ", ".join(sorted(rules.params)),
+            nearest(name, rules.params),
+        )
+    try:
+        value = parse.setting(text)
+    except parse.GrammarError as problem:
+        raise RuleError(where, f"{problem.what}.", problem.allowed) from None
+    wanted, given = dimension_of(rules.params[name]), dimension_of(value)
+    if wanted != given:
+        bare = re.search("[a-z%°]", str(text), re.IGNORECASE) is None
+        raise RuleError(
+            where,
+            f'{name} is in {wanted}, but "{text}" {"has no unit" if bare else f"is in {given}"}.',
+            f"{a_dimension(wanted)}; its default is {rules.params[name].text}",
+        )
+    return value
