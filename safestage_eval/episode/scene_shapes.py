@@ -70,7 +70,7 @@ def _built(body: Body, meshes: Mapping[str, Mesh]) -> BodyShapes:
     place, axes = np.zeros((count, 3)), np.zeros((count, 3, 3))
     reach = np.zeros(count)
     for i, geom in enumerate(body.geoms):
-        axes[i] = rotation(geom.orientation)
+        axes[i] = rotation_matrix(geom.orientation)
         place[i], kind[i] = geom.position, _CODES.get(geom.kind, MESH)
         if geom.mesh is not None:
             vertices = np.asarray(meshes[geom.mesh].vertices, np.float64)
@@ -99,7 +99,7 @@ def _ball(geom: Geom, size: F64) -> float:
     return float(size.max() if geom.kind in ("sphere", "ellipsoid") else np.linalg.norm(size))
 
 
-def rotation(quaternion: tuple[float, ...]) -> F64:
+def rotation_matrix(quaternion: tuple[float, ...]) -> F64:
     """(3, 3) the matrix of a unit quaternion wxyz."""
     w, x, y, z = quaternion
     return np.array(

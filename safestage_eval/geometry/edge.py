@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 
 from .extent import lowest
 from .ground import (
-    CONTACT_TOLERANCE,
-    GAP,
-    SEAM,
     Ground,
     Surface,
     covers,
@@ -24,6 +21,7 @@ from .ground import (
     walls,
     world_vertices,
 )  # fmt: skip
+from .ground_kernels import CONTACT_TOLERANCE, GAP, SEAM
 from .mover import Mover, frame_count
 from .polygon import (
     contains,

@@ -17,11 +17,12 @@ from recordings import falling_cube
 from strategies import episodes
 
 from safestage_eval.episode import Body, Geom, Header, Mesh
+from safestage_eval.episode.scene_shapes import rotation_matrix
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, load, validate
 from safestage_eval.formats.mcap import mcap_records
 from safestage_eval.formats.mcap.mcap_messages import EPOCH_NS
-from safestage_eval.formats.mcap.urdf import roll_pitch_yaw, rotation_matrix
+from safestage_eval.formats.mcap.urdf import roll_pitch_yaw
 
 
 @pytest.fixture

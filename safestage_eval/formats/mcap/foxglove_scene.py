@@ -9,8 +9,9 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from safestage_eval.episode import Episode, Geom, Mesh
+from safestage_eval.episode.scene_shapes import rotation_matrix
 
-from .urdf import COLOURS, PLANE_SIZE, rotation_matrix
+from .urdf import COLOURS, PLANE_SIZE
 
 
 def to_scene(episode: Episode, nanoseconds: int) -> SceneUpdate:

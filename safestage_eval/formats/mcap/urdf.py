@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from safestage_eval.episode import Episode, Geom
+from safestage_eval.episode.scene_shapes import rotation_matrix
 
 PLANE_SIZE = 4.0
 """m, edge of the square that stands for an unbounded plane."""
@@ -87,18 +88,6 @@ def _cylinder(radius: float, length: float) -> Element:
 
 def _text(values: np.ndarray) -> str:
     return " ".join(f"{value:.6g}" for value in values)
-
-
-def rotation_matrix(quaternion: tuple[float, float, float, float]) -> np.ndarray:
-    """Return the (3, 3) rotation of a unit quaternion wxyz."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
