@@ -49,6 +49,8 @@ def roll(env: Any, draw: Any, path: Path, settings: dict[str, Any]) -> tuple[flo
         env.step(action)
         if recorder is not None:
             recorder.step(action)
+    if recorder is not None:
+        recorder._flush()  # noqa: SLF001 - what a longer episode would do meanwhile
     ended = time.process_time()
     if recorder is not None:
         recorder.close()

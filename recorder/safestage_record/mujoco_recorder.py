@@ -78,6 +78,7 @@ class MujocoRecorder(RolloutRecorder):
             role: [names[scene.whole.get(names.index(n), names.index(n))] for n in some]
             for role, some in told.roles.items()
         }
+        self._roots = model.body_rootid[scene.movable]
         self._bodies, self._joints, self._meshes = scene.bodies, scene.joints, scene.meshes
         self._without_shape = scene.without_shape
         self._version_of_simulator = mujoco.__version__
@@ -233,12 +234,12 @@ class MujocoRecorder(RolloutRecorder):
         moving, scene = self._scene.movable, self._scene
         if not self._log.begun:
             self._still = (position[0][scene.fixed], quat[0][scene.fixed])
-        place, speed = position[:, moving], cvel[:, moving]
+        place, speed = position.take(moving, axis=1), _rounded(cvel, moving)
         # cvel is the velocity of the point of the body that is at the tree's centre of mass
-        arm = place - com[:, self._model.body_rootid[moving]]
+        arm = (place - com.take(self._roots, axis=1)).astype(np.float32)
         return {
             "position": place,
-            "orientation": quat[:, moving],
+            "orientation": _rounded(quat, moving),
             "linear_velocity": speed[..., 3:] + np.cross(speed[..., :3], arm),
             "angular_velocity": speed[..., :3],
             "joint_position": q[:, scene.joint_qpos],
@@ -246,6 +247,11 @@ class MujocoRecorder(RolloutRecorder):
             "joint_torque": torque[:, scene.joint_dof],
             "gripper": self._opening.at(q),
         }
+
+
+def _rounded(values: Any, bodies: Any) -> Any:
+    """(T, M, …) float32 of some bodies; ``take`` is twice as fast as an index."""
+    return values.take(bodies, axis=1).astype(np.float32)
 
 
 def _stacked(copies: Sequence[bytes], view: Any) -> Any:
