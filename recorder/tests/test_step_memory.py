@@ -1,10 +1,13 @@
 """What is read from memory is what MuJoCo's own attributes say."""
 
+import ctypes
+
 import numpy as np
 import pytest
 
 mujoco = pytest.importorskip("mujoco")
 
+from safestage_record import step_memory  # noqa: E402
 from safestage_record.record_error import RecordError  # noqa: E402
 from safestage_record.step_memory import StepMemory  # noqa: E402
 
@@ -24,9 +27,15 @@ def scene():
     return model, data, scratch
 
 
-def test_numbers_contacts_and_forces_are_those_of_mujoco_in_every_step():
+@pytest.mark.parametrize("found", [True, False])
+def test_numbers_contacts_and_forces_are_those_of_mujoco_in_every_step(monkeypatch, found):
+    """Also where the numbers are not found in memory."""
     model, data, scratch = scene()
+    if not found:
+        monkeypatch.setattr(step_memory, "_offsets", {})
+        monkeypatch.setattr(step_memory, "_FARTHEST", 0)
     memory = StepMemory(data, scratch)
+    assert isinstance(memory.time, ctypes.c_double) == found
     counts = set()
     for _ in range(400):
         mujoco.mj_step(model, data)
