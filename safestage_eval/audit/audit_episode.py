@@ -38,7 +38,9 @@ def audit_episode(
         with within_limits(ref.shown):
             subject = Subject(ref.open(checked=False, whole=True), rules, bind)
             findings = tuple(check_subject(subject, checks, ref.shown))
-            return Audited(summarize(subject, ref.content_hash), findings)
+            audited = Audited(summarize(subject, ref.content_hash), findings)
+            subject.close()
+            return audited
     except InputError as error:
         return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others

@@ -60,6 +60,18 @@ class Subject:
         self.rules, self.bind = rules, bind
         self.notes: dict[str, Any] = {}
 
+    def close(self) -> None:
+        """Take apart what refers to itself: its memory would stay until Python looks for cycles.
+
+        Nothing can be asked of it any more.
+        """
+        for whole in (self, self.notes.get("start")):
+            relations = None if whole is None else vars(whole).get("relations")
+            if relations is not None:
+                for part in (relations.signals.gaps, relations.signals, relations):
+                    vars(part).clear()
+        self.notes.clear()
+
     @property
     def header(self) -> Header:
         """Of the episode."""
