@@ -1,4 +1,7 @@
-"""Arrays of NumPy's archives that strangers packed: how large they become is compared first."""
+"""Arrays of NumPy's archives that strangers packed: how large they become is compared first.
+
+Objects, which would be unpickled, are refused: NumPy does so unless it is told otherwise.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from safestage_eval.size_limits import current
 def npz_names(path: Path) -> frozenset[str]:
     """Return the names of the arrays in an ``.npz`` archive; none of another file, or a damaged one."""
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
+        with path.open("rb") as stream, np.load(stream) as found:
             return frozenset(found.files)
     except Exception:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
         return frozenset()
@@ -29,7 +32,7 @@ def npz_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
         InputError: it is damaged, is no archive, or would become more bytes than the limit allows.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
+        with path.open("rb") as stream, np.load(stream) as found:
             stored = found.zip.infolist()
             sizes = [m.file_size for m in stored if m.filename.removesuffix(".npy") in names]
             current().demand_decoded(sum(sizes), path.stat().st_size, str(path))
