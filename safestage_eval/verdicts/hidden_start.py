@@ -43,7 +43,7 @@ def one_earlier(reference: Reference, coarse: Bool) -> Reference | None:
     since = reference.since
     if since is None or not coarse.any():
         return None
-    between = (since > 0) & coarse[since - 1]
+    between = (since > 0) & coarse[np.maximum(since - 1, 0)]
     if not between.any():
         return None
     return Reference(reference.baseline, since - between, f"earliest {reference.key}")

@@ -99,3 +99,12 @@ def test_what_fell_as_it_was_let_go_between_two_samples_is_no_pass(tmp_path, eve
     open_ = [v.explanation for v in found if v.verdict == "inconclusive"]
     told = "turn(vase) since end of handled(vase) is not known: that came between two samples"
     assert any(told in why for why in open_) == (every > 8)  # 15 Hz show it
+
+
+@pytest.mark.parametrize("frames", [1, 2, 5])
+def test_an_event_that_never_came_is_nowhere_earlier(frames):
+    """Found by the fuzzer in a recording of which one frame is left."""
+    never = Reference(Baseline(), np.full(frames, -1), "since ")
+    assert hidden_start.one_earlier(never, np.ones(frames, np.bool_)) is None
+    first = Reference(Baseline(), np.zeros(frames, np.int64), "since 0")
+    assert hidden_start.one_earlier(first, np.ones(frames, np.bool_)) is None
