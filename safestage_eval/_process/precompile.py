@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import importlib
+import json
 import os
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from . import machine_code
+from . import kernel_folder, machine_code
 from .kernel_folder import Signatures, is_writable, read_signatures, stamp
 
 if sys.platform != "win32":  # where two processes may compile the same kernel
@@ -30,7 +31,7 @@ if sys.platform != "win32":  # where two processes may compile the same kernel
 PROGRAM = f"from {__name__} import serve; serve()"
 """Program of a compiling process."""
 
-GATHER = f"from {__name__} import gather; gather()"
+GATHER = f"import sys; from {__name__} import gather; gather(*sys.argv[1:])"
 """Program of the process that puts the machine code of all kernels into one file."""
 
 LOOK = 0.1
@@ -141,9 +142,10 @@ def _compile(rooms: Iterable[str], tell: Tell, total: int) -> bool:
 
 def _gather() -> None:
     """Have another process put all machine code into one file; without it, numba loads kernels."""
-    quiet = subprocess.DEVNULL
+    path, quiet = machine_code.file(), subprocess.DEVNULL
+    command = [sys.executable, "-c", GATHER, str(kernel_folder.SIGNATURES), str(path)]
     subprocess.run(  # noqa: S603 — this package itself
-        [sys.executable, "-c", GATHER], stdout=quiet, stderr=quiet, env=_environment(), check=False
+        command, stdout=quiet, stderr=quiet, env=_environment(), check=False
     )
 
 
@@ -208,21 +210,20 @@ def _say(word: str) -> None:
     sys.stdout.flush()
 
 
-def gather() -> None:
-    """Put the machine code of all compiled kernels into one file, if it can be linked."""
+def gather(signatures: str, path: str) -> None:
+    """Put the machine code of the kernels in a list of signatures into one file, if it can be linked."""
     from .kernel_types import from_json
     from .object_code import LIBRARY_FUNCTIONS, entry_point
 
-    path, found = machine_code.file(), []
-    for module, kernels in read_signatures().items():
+    found = []
+    for module, kernels in json.loads(Path(signatures).read_bytes()).items():
         for name, all_types in kernels.items():
             for types in all_types:
                 if compile_one(module, name, types):
                     dispatcher = getattr(importlib.import_module(module), name).dispatcher
                     if made := entry_point(dispatcher, tuple(map(from_json, types))):
                         found.append(machine_code.Compiled(module, name, types, *made))
-    if path is not None:
-        machine_code.write(path, found, LIBRARY_FUNCTIONS)
+    machine_code.write(Path(path), found, LIBRARY_FUNCTIONS)
 
 
 def compile_one(module: str, kernel: str, types: list[Any]) -> bool:
