@@ -19,6 +19,9 @@ from .engine_interface import Found, Line
 from .score_episode import score_episode
 from .settings import Settings
 
+GARBAGE = 20_000
+"""Objects between two looks for garbage. At Python's 700, looking took a twentieth of an audit."""
+
 
 def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
     """Judge lists of episodes until None comes; answers in the order of the questions.
@@ -48,6 +51,7 @@ def serve(pipe: Connection, answer: Callable[[EpisodeRef], Any]) -> None:
     heap.keep()
     bound = heap.Bound()
     compile_kernels()
+    gc.set_threshold(GARBAGE)
     gc.freeze()  # what is there by now stays: collections after an episode need not look at it
     try:
         pipe.send(READY)
