@@ -20,7 +20,7 @@ AXES: dict[View, tuple[int, int, int]] = {"xz": (0, 2, 1), "yz": (1, 2, 0), "xy"
 """View → the world axes that run right, up, and away from the reader."""
 
 FILLS = tuple(pair.dark for pair in SERIES)
-"""Of objects, in the order in which the scene lists them: the lighter side of the palette, for outlines in ink."""
+"""Fill colours of objects, in the order of the scene: the palette's lighter ones, on which dark outlines show."""
 SOLID, SHEER = 0.9, 0.35
 """How opaque bodies are; what lies in a container is seen through it."""
 

@@ -21,7 +21,7 @@ what all of them have in common. Every command also takes `--limits`, which lets
 SHARED = "## Shared options\n"
 
 MANY = 4
-"""An option that so many commands take alike is described once."""
+"""Commands. An option that so many of them share is described once, in a section of its own."""
 
 Row = tuple[str, str]
 """An option's names with what it takes, and what it does."""
@@ -114,5 +114,5 @@ def _rows(command: click.Command, context: click.Context) -> Iterator[Row]:
 
 
 def _takes(option: click.Option, context: click.Context) -> str:
-    """What an option takes, without click's names of types: the range is in what it does."""
+    """The placeholder of an option's value; a range of numbers is left to its help text."""
     return option.make_metavar(context).replace("INTEGER RANGE", "N").replace("FLOAT RANGE", "X")

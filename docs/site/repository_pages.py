@@ -23,7 +23,7 @@ VERSIONS = """\
 
 
 def versions_page(changelog: Path) -> str:
-    """What SafeStage numbers apart from its own version, and the changelog."""
+    """The page of versions: those of formats and rules, then the changelog."""
     text = changelog.read_text("utf-8")
     body = re.sub(r"^(#{2,3}) ", r"#\1 ", text.split("\n", 1)[1], flags=re.MULTILINE)
     return (

@@ -44,7 +44,7 @@ class StepMemory:
         self.kind: Any = None
 
     def contacts(self, count: int) -> memoryview:
-        """``count`` contacts, one or more, all that there are, where they lie."""
+        """View of MuJoCo's contacts; ``count`` is how many there are, at least one."""
         view = self._contacts.get(count)
         if view is None:
             if self.kind is None:
@@ -53,7 +53,7 @@ class StepMemory:
         return view
 
     def forces(self) -> memoryview:
-        """The constraint forces (nefc,) float64 N, or N m, where they lie."""
+        """View of MuJoCo's constraint forces, (nefc,) float64 in N or N m."""
         if self._force is None:
             return self._search_forces()
         key = (self._force.value, self._nefc.value)
@@ -139,7 +139,7 @@ class _Attribute:
 
     @property
     def value(self) -> Any:
-        """As it is now."""
+        """The current value."""
         return getattr(self._data, self._name)
 
 

@@ -1,4 +1,4 @@
-"""What is read from memory is what MuJoCo's own attributes say."""
+"""Values read from memory equal MuJoCo's attributes."""
 
 import ctypes
 

@@ -47,10 +47,10 @@ class Bound:
         """``aim``: bytes."""
         self._aim = self._beyond = aim
         self._trim = _function("malloc_trim")
-        self._left: int | None = (
-            None  # bytes held after memory was handed back, until one more look
-        )
-        self._taken = 0  # bytes that an episode takes at the most, by such looks
+        self._left: int | None = None
+        """Bytes held when memory was last handed back; None once the next episode was measured by it."""
+        self._taken = 0
+        """Bytes that an episode takes at the most, as measured so."""
 
     def hold(self) -> bool:
         """After an episode: whether free memory was looked for and handed back."""

@@ -35,9 +35,7 @@ _FAILING = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.ESTALE, errno.ETIMEDOUT}
 def run(command: click.Command) -> None:
     """Run a command and exit with its code; an ``InputError`` becomes a message and 2."""
     gc.set_threshold(GARBAGE)
-    atexit.register(
-        gc.freeze
-    )  # the process ends: looking for garbage once more took a seventh of it
+    atexit.register(gc.freeze)  # looking for garbage as the process ends took a seventh of it
     stdout = sys.stdout
     if isinstance(stdout, TextIOWrapper) and stdout.errors == "strict":
         stdout.reconfigure(errors="backslashreplace")  # names of files need not be text

@@ -140,9 +140,9 @@ def other_horizons(campaign: Campaign) -> Iterator[Defect]:
     cheap=True,
 )
 def underpowered(campaign: Campaign) -> Iterator[Defect]:
-    """Compares each observed difference in success with the smallest one that so many rollouts show.
+    """Compares each observed difference in success with the smallest one that so many rollouts can detect.
 
-    That is: four times out of five, by the two-sample test at 5 %, were all rollouts independent.
+    Detect: with a power of 80 %, by the two-sample test at 5 %, if all rollouts are independent.
     """
     rates = {}
     for name, some in policies(campaign).items():
