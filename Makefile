@@ -3,8 +3,8 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
-# Of what is installed only the modules that are used are compiled, and then.
-INSTALL = $(BIN)/python -m pip install --quiet --no-compile --editable
+# Of what is installed only the modules that are used are compiled, and then. Pip shows how far it is.
+INSTALL = $(BIN)/python -m pip install --disable-pip-version-check --no-compile --editable
 
 # Examples in prose are laid out for reading.
 FORMAT = $(BIN)/ruff format --exclude '*.md' .

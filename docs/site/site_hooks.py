@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -39,6 +40,24 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         path = f"notebooks/{notebook.stem}.md"
         files.append(File.generated(config, path, content=notebook_page(notebook)))
     return files
+
+
+CODE = re.compile(r"(<pre.*?</pre>)|<code>([^<]*)</code>", re.DOTALL)
+HYPHENATED = re.compile(r"[^\s=,/]*\w?-[^\s=,/]*")
+LONGEST = 30
+"""Characters of a word that is kept in one line; longer ones would not fit beside others on a telephone."""
+
+
+def on_page_content(html: str, **_: object) -> str:
+    """Keep options and ids in one line where they have hyphens: ``--golden``, not ``--`` and ``golden``."""
+
+    def whole(found: re.Match[str]) -> str:
+        word = found[0]
+        return f'<span class="whole">{word}</span>' if len(word) <= LONGEST else word
+
+    return CODE.sub(
+        lambda found: found[1] or f"<code>{HYPHENATED.sub(whole, found[2])}</code>", html
+    )
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:

@@ -9,6 +9,7 @@ RULES = """\
 .md-typeset .md-typeset__table { display: block; overflow-x: auto; }
 .md-typeset table:not([class]) th { min-width: 3rem; }
 .md-typeset table:not([class]) td:first-child code { white-space: nowrap; }
+.md-typeset code .whole { white-space: nowrap; }
 .md-grid { max-width: 72rem; }
 .md-typeset .cell-output { overflow-x: auto; margin: 1em 0; }
 .md-typeset img { border-radius: 4px; }

@@ -20,6 +20,7 @@ from .shared_options import (
     rules_option,
     set_option,
     traces_argument,
+    where_option,
 )
 from .terminal import say
 
@@ -51,10 +52,12 @@ SINGLE = (".mcap", ".rrd")
 @rules_option
 @bind_option
 @set_option
+@where_option
 @click.pass_context
 def command(
     ctx: click.Context, traces: tuple[str, ...], form: str, out: Path, force: bool, recover: bool,
     events: bool, rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...],
+    where: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Copy episodes into another format, losslessly.
 
@@ -64,8 +67,8 @@ def command(
 
     An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
     violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
-    for viewers only: scoring the copy judges it anew. NAME.foxglove.json beside it is a layout for
-    Foxglove.
+    for viewers only: scoring the copy judges it anew. Beside it are layouts: NAME.foxglove.json for
+    Foxglove, NAME.lichtblick.json for Lichtblick.
 
     --to rrd writes what Rerun shows: the scene, the events, and the signals that decided the rules
     with their limits; NAME.rbl beside it is its blueprint. It needs the extra "rerun". No command
@@ -75,13 +78,16 @@ def command(
     Examples:
       safestage convert traces/ --to mcap --out mcaps/
       safestage convert rollout.mcap --to parquet --out dataset/
-      safestage convert traces/ --to rrd --out looks/
+      safestage convert traces/ --where stage=FSH --to rrd --out looks/
       safestage convert cut-off.mcap --recover --to mcap --out rescued.mcap
     """
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Selection
 
     refs = discover(list(traces))
+    if where:
+        refs = [*Selection(refs, pairs(where, "--where"))]
     if out.suffix in SINGLE and (out.suffix != f".{form}" or len(refs) > 1):
         raise click.UsageError(f"--out {out}: give a folder for {len(refs)} episodes as {form}")
     if out.is_file() and out.suffix not in SINGLE:
@@ -232,7 +238,10 @@ def _copied(episode: Any, target: Path, form: str, told: Told) -> Path:
     if form == "mcap":
         from safestage_eval.formats.atomic import write_bytes
         from safestage_eval.viewer.foxglove_layout import foxglove_layout
+        from safestage_eval.viewer.lichtblick_layout import lichtblick_layout
 
-        layout = to_json(foxglove_layout(episode), 1) + "\n"
-        write_bytes(target.with_suffix(".foxglove.json"), layout.encode())
+        layout = foxglove_layout(episode)
+        for viewer, content in (("foxglove", layout), ("lichtblick", lichtblick_layout(layout))):
+            text = to_json(content, 1) + "\n"
+            write_bytes(target.with_suffix(f".{viewer}.json"), text.encode())
     return copy.path

@@ -19,6 +19,8 @@ from .trace_files import regular_status
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 PARQUET_MAGIC = b"PAR1"
+RESULTS = (".jsonl", ".json", ".csv")
+"""Endings of results, which are taken for traces by mistake."""
 
 REF_FIELDS = (
     "task",
@@ -194,13 +196,15 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
     if path.parent.parts[-2:] == ("meta", "episodes") and path.suffix == ".parquet":
         return _dataset_refs(path)
     problem = "neither an MCAP nor a dataset's file, nor a recorder's ZIP"
+    fix = "results of safestage score go to safestage aggregate, compare or report"
     if magic.startswith(PARQUET_MAGIC):
         problem = "a Parquet file, but not one of meta/episodes"
+        fix = f"give the folder that has meta/info.json; {fix}"
     raise TraceError(
         str(path),
         f"{problem}.",
         "an MCAP file, a ZIP file of safestage-record, a file of meta/episodes, or the dataset's folder",
-        "give the folder that has meta/info.json" if magic.startswith(PARQUET_MAGIC) else "",
+        fix if magic.startswith(PARQUET_MAGIC) or path.suffix in RESULTS else "",
     )
 
 

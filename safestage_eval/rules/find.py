@@ -70,11 +70,13 @@ def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
             return rules, rules.scoped[code], sources(group)
         codes += list(rules.scoped)
     where = ", ".join(map(str, specs)) or "the built-in rules"
+    alike = [other for other in codes if other[:3] == code[:3].upper()]
     raise RuleError(
         code,
         f"no such rule in {where}.",
-        ", ".join(codes),
-        nearest(code, codes) or "--rules FILE names the file that declares it",
+        ", ".join(alike or codes),
+        nearest(code, codes)
+        or "safestage rules show lists them all; --rules FILE names the file that declares it",
     )
 
 

@@ -48,16 +48,18 @@ def setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> ast.Setting
             ", ".join(sorted(rules.params)),
             nearest(name, rules.params),
         )
+    wanted = dimension_of(rules.params[name])
+    allowed = f"{a_dimension(wanted)}; its default is {rules.params[name].text}"
     try:
         value = parse.setting(text)
     except parse.GrammarError as problem:
-        raise RuleError(where, f"{problem.what}.", problem.allowed) from None
-    wanted, given = dimension_of(rules.params[name]), dimension_of(value)
+        raise RuleError(where, f"{problem.what}.", allowed) from None
+    given = dimension_of(value)
     if wanted != given:
         bare = re.search("[a-z%°]", str(text), re.IGNORECASE) is None
         raise RuleError(
             where,
             f'{name} is in {wanted}, but "{text}" {"has no unit" if bare else f"is in {given}"}.',
-            f"{a_dimension(wanted)}; its default is {rules.params[name].text}",
+            allowed,
         )
     return value

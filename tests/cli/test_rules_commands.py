@@ -100,6 +100,7 @@ def test_without_an_argument_the_rules_are_listed(mine):
     ("argument", "said"),
     [
         ("ETS999", "no such rule in the built-in rules"),
+        ("ETS999", "safestage rules show lists them all"),
         ("ets201", 'did you mean "ETS201"?'),
         ("nowhere.toml", "a file, or a built-in name"),
     ],

@@ -176,7 +176,7 @@ def test_a_goal_that_is_not_loaded_is_noted() -> None:
         ({"neer": "3 cm"}, ['a parameter "neer"', "did you mean", "near"] ),
         ({"near": "3 deg"}, ["near is in length", "angle", "m, cm, mm"]),
         ({"near": "3"}, ["near is in length", "has no unit"]),
-        ({"near": "three cm"}, ["is not a quantity"]),
+        ({"near": "three cm"}, ["is not a quantity", "a length (m, cm, mm)", "default is"]),
         ({"hold": "3 cm"}, ["hold is in time", "frames @ r Hz"]),
     ],
 )  # fmt: skip

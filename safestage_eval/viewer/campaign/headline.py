@@ -65,7 +65,7 @@ def _tile(whole: Rates, metric: str) -> str:
     return (
         f'<div class="tile {metric.lower()}"><dt>{name} <abbr>{metric}</abbr></dt>'
         f'<dd><span class="big">{big}</span><span class="soft">{of_all}</span>'
-        f'<span class="soft">95 % interval of those judged {interval(k, n)}</span></dd></div>'
+        f'<span class="soft">95 % interval of those judged <span class="whole">{interval(k, n)}</span></span></dd></div>'
     )
 
 
