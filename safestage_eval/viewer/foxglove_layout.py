@@ -15,6 +15,9 @@ from .look import look_at
 MOST_LINES = len(SERIES)
 """Bodies whose height is plotted: those with a role first."""
 
+NO_FRAMES = {"axisSize": 0, "lineWidth": 0, "showLabel": False}
+"""Axes, links and names of sixty frames would hide the scene."""
+
 
 def foxglove_layout(episode: Episode) -> dict[str, Any]:
     """The scene from where something is to be seen, events, and heights of the bodies that matter.
@@ -54,7 +57,7 @@ def _scene(episode: Episode) -> dict[str, Any]:
         "ThreeDee",
         "Scene",
         {
-            "scene": {"backgroundColor": GROUNDS["ground"].light, "transforms": {"axisSize": 0}},
+            "scene": {"backgroundColor": GROUNDS["ground"].light, "transforms": NO_FRAMES},
             "layers": {"grid": grid},
             "topics": {SCENE: {"visible": True}, CONTACTS: {"visible": True, "pointSize": 8}},
             "cameraState": camera,

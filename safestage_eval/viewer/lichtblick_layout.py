@@ -51,5 +51,6 @@ def _spelt(config: dict[str, Any]) -> dict[str, Any]:
     scene = config.get("scene")
     if scene is None:
         return config
-    axes = {"axisScale": scene["transforms"]["axisSize"]}
-    return {**config, "scene": {**scene, "transforms": axes}}
+    frames = dict(scene["transforms"])
+    frames["axisScale"] = frames.pop("axisSize")
+    return {**config, "scene": {**scene, "transforms": frames}}
