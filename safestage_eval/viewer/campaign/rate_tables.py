@@ -54,7 +54,7 @@ def _conditions(aggregate: Aggregate) -> str:
     )
     rows = "".join(
         f'<tr class="group"><th scope="row">{escape(policy)}</th><th scope="row">{escape(prompt)}</th>'
-        + "".join(f'<td class="amount">{share(cell, m, given)}</td>' for given, m in columns)
+        + "".join(_share_cell(share(cell, m, given)) for given, m in columns)
         + "</tr>"
         for policy, prompt, cell in groups
     )
@@ -96,6 +96,13 @@ def _table(title: str, names: tuple[str, str], rates: Sequence[tuple[str, str, R
         f"<caption>{title}</caption><thead><tr>{columns}{head}</tr></thead>"
         f"<tbody>{''.join(body)}</tbody></table></div>"
     )
+
+
+def _share_cell(text: str) -> str:
+    """``"50.0 6/12"``: the counts stand below."""
+    value, _, counts = text.partition(" ")
+    below = f'<small class="soft">{counts}</small>' if counts else ""
+    return f'<td class="amount">{value}{below}</td>'
 
 
 def _cell(rate: Rate | None) -> str:
