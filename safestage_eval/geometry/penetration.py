@@ -21,7 +21,6 @@ from .hull import begin, grow, room_for_hull
 from .support_function import Pair, difference, support_pair
 
 F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 DEPTH_TOLERANCE = 1e-7
 """m, between the bounds at which the loop ends."""

@@ -14,7 +14,6 @@ from safestage_eval.evidence.contact_sums import ContactSums
 from .assembly import Assemblies
 
 Bool = NDArray[np.bool_]
-F64 = NDArray[np.float64]
 
 LEAST_LOAD = 1e-3
 """N: less bears nothing whose mass is not known."""

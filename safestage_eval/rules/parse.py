@@ -40,8 +40,6 @@ ROLE_KINDS = (
 
 DEEPEST = 20
 """Spans that may lie within one another."""
-RESERVED = frozenset({"start", "end", "success", "episode", "robot", "gripper"})
-"""Words that cannot name a role."""
 
 
 class GrammarError(ValueError):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
 from safestage_eval.evidence.series import Series, hide
@@ -13,7 +12,6 @@ from safestage_eval.evidence.series import Series, hide
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
 
-F64 = NDArray[np.float64]
 
 NORM = Option(
     "norm",

@@ -14,7 +14,6 @@ from safestage_eval.evidence.series import Series
 if TYPE_CHECKING:
     from safestage_eval.relations.relations import Relations, SupportRequest
 
-F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 

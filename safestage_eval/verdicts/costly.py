@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from safestage_eval.evidence.declare import is_costly as is_costly_name
-from safestage_eval.evidence.declare import is_gate
+from safestage_eval.evidence.declare import is_costly, is_gate
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.operations import OPERATIONS
 
@@ -61,7 +60,7 @@ class Costly:
             name = self._rules.signals[name].base
         declared = self._rules.states.get(name)
         if declared is None:
-            return int(is_costly_name(name))
+            return int(is_costly(name))
         if not self.state(declared):
             return 0
         return 1 + self.depth(declared.when) + (declared.until is not None)
@@ -116,8 +115,3 @@ def is_for_good(state: ast.StateDef) -> bool:
         return False
     others = state.for_ is None and state.gap is None
     return others and state.fallback is None and state.also is None
-
-
-def is_costly(atom: ast.Atom) -> bool:
-    """The atom itself names something costly."""
-    return isinstance(atom, ast.SignalAtom | ast.StateAtom) and is_costly_name(atom.call.name)

@@ -203,12 +203,6 @@ def onset(
     return float(t[min(frames)]) if frames else None
 
 
-def mentioned_next(text: str) -> list[ast.Call]:
-    """The states in ``{next.STATE(role, …)}`` of a sentence."""
-    fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
-    return [parse.call(f.removeprefix("next.")) for f in fields if f.startswith("next.")]
-
-
 def _bodies(env: Env) -> dict[str, str]:
     return {role: body.replace("_", " ") for role, body in env.items()}
 

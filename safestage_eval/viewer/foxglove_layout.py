@@ -12,9 +12,6 @@ from safestage_eval.palette import GROUNDS, INKS, SERIES
 
 from .look import look_at
 
-MOST_LINES = len(SERIES)
-"""Bodies whose height is plotted: those with a role first."""
-
 NO_FRAMES = {"axisSize": 0, "lineWidth": 0, "showLabel": False}
 """Axes, links and names of sixty frames would hide the scene."""
 

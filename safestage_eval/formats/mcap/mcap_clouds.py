@@ -45,9 +45,6 @@ _DATA = bytes([6 << 3 | 2])
 _POINTS = 1 << 19
 """Points that there is room for from the start; memory that is not used costs nothing."""
 
-_LONGEST = 5
-"""Bytes of the number that says how long the points are: up to 32 bits, seven in a byte."""
-
 
 def empty_cloud() -> PointCloud:
     """Return a point cloud without time and data, whose points are laid out as POINT."""
