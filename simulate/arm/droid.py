@@ -47,11 +47,36 @@ class Mounted:
 
 RESOLUTION = (1280, 720)
 """Pixels: width, height, of all DROID's cameras."""
+ZED_2_FOVY = 68.6
+"""deg, vertical, of a ZED 2's rectified picture of 1280 × 720: its factory calibrations have focal
+lengths about 528 pixels, and 2 atan(360 / 528) = 68.6°. (RoboLab has 71.5°, of the lens without
+rectification: 3.024 mm behind 2.1 mm.)"""
 OUTSIDE = {
-    "exterior_left": Mounted((0.05, 0.57, 0.66), (-0.393, -0.195, 0.399, 0.805), 71.51),
-    "exterior_right": Mounted((0.05, -0.57, 0.66), (0.805, 0.399, -0.195, -0.393), 71.51),
+    "exterior_left": Mounted((0.05, 0.57, 0.66), (-0.393, -0.195, 0.399, 0.805), ZED_2_FOVY),
+    "exterior_right": Mounted((0.05, -0.57, 0.66), (0.805, 0.399, -0.195, -0.393), ZED_2_FOVY),
 }
-"""DROID's two, as RoboLab places them (``robolab/variations/camera.py``): 2.1 mm before 3.024 mm."""
+"""DROID's two ZED 2 (Khazatsky et al., "DROID", RSS 2024: one on either side of the arm, on mounts that
+adjust) as RoboLab places them (``robolab/variations/camera.py``). The third, a ZED Mini on the wrist, is
+of the arm's own model: 56.7°, where Stereolabs give 54° for 1280 × 720."""
+SHIFT, TURN = 0.03, 2.0
+"""m along each axis and deg about each, by which an outer camera's place varies at most. Labs of DROID
+move theirs by tens of centimetres: this is a mount set up anew, not another lab."""
+
+
+def outside_cameras(look: tuple[int, ...]) -> dict[str, Mounted]:
+    """The outer cameras where they stand for a look, near ``OUTSIDE``; the same look, the same place."""
+    rng = np.random.default_rng([*look, 2])
+    out = {}
+    for name, at in OUTSIDE.items():
+        x, y, z = at.position + rng.uniform(-SHIFT, SHIFT, 3)
+        turn, whole = np.empty(4), np.empty(4)
+        mujoco.mju_euler2Quat(turn, np.radians(rng.uniform(-TURN, TURN, 3)), "xyz")
+        orientation = np.array(at.orientation) / np.linalg.norm(at.orientation)
+        mujoco.mju_mulQuat(whole, orientation, turn)
+        w, i, j, k = whole
+        turned = (float(w), float(i), float(j), float(k))
+        out[name] = Mounted((float(x), float(y), float(z)), turned, at.fovy)
+    return out
 
 
 def default_mjcf() -> Path:
@@ -70,12 +95,15 @@ def default_mjcf() -> Path:
     return root / "mujoco" / "robots" / "assets" / "droid" / "model.xml"
 
 
-def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpec:
+def arm_spec(
+    mjcf: Path | None = None, *, visuals: bool = False, look: tuple[int, ...] = (0,)
+) -> mujoco.MjSpec:
     """The arm alone, tuned for stable grasps at 120 Hz.
 
     Args:
         mjcf: another MJCF of the same arm.
         visuals: keep the meshes that are only seen (needed for pictures, slow to compile).
+        look: what the places of the outer cameras are drawn from.
 
     Raises InputError when the file is not there or is not this arm.
     """
@@ -93,10 +121,9 @@ def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpe
         raise InputError(str(path), f"not the DROID arm: it has no {', no '.join(missing)}")
     if not visuals:
         _drop_visuals(spec)
-    for name, at in OUTSIDE.items():
-        quaternion = np.array(at.orientation) / np.linalg.norm(at.orientation)
+    for name, at in outside_cameras(look).items():
         spec.body("link0").add_camera(
-            name=name, pos=at.position, quat=quaternion, fovy=at.fovy, resolution=RESOLUTION
+            name=name, pos=at.position, quat=at.orientation, fovy=at.fovy, resolution=RESOLUTION
         )
     for actuator in spec.actuators:
         if actuator.name == GRIPPER_ACTUATOR.removeprefix(PREFIX):

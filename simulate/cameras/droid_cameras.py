@@ -14,6 +14,7 @@ from simulate.arm import droid
 from simulate.world.describe import body_name
 from simulate.world.world import World
 
+from .drawn_model import drawn_model
 from .graphics import graphics_context
 
 F64 = NDArray[np.float64]
@@ -29,30 +30,36 @@ SHADOW = 1024
 
 
 class Cameras:
-    """Draws a world that was made with ``visuals``, as it is at the moment; one at a time per process.
+    """Draws a world as it is at the moment, dressed and in a room; one at a time per process.
 
-    After a step, MuJoCo's poses still are those of before it. So the picture is drawn of poses worked
-    out anew from the present joints, in a place of their own: the world is not touched.
+    What is drawn is a model of its own (``drawn_model``), into which the present joint positions are
+    put: the world is not touched, and the picture is of now, where MuJoCo's poses after a step are those
+    of before it.
     """
 
     def __init__(self, world: World, names: Sequence[str], size: tuple[int, int] = SIZE) -> None:
         """``size``: height, width. Raises InputError for a camera that there is not."""
         height, width = size
         self._ids = {name: _camera(world, name) for name in names}
-        self._world, self._now = world, mujoco.MjData(world.model)
+        self._world, self._model = world, drawn_model(world)
+        self._now = mujoco.MjData(self._model)
         self._context = graphics_context(width, height)
         self._context.make_current()
-        world.model.vis.quality.shadowsize = SHADOW
-        self._scene = mujoco.MjvScene(world.model, maxgeom=4000)
-        self._target = mujoco.MjrContext(world.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        self._model.vis.quality.shadowsize = SHADOW
+        self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
+        self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
     def images(self) -> dict[str, Image]:
         """The current picture of each camera."""
-        model, now = self._world.model, self._now
+        model, now, world = self._model, self._now, self._world
         self._context.make_current()
-        now.qpos[:], now.time = self._world.data.qpos, self._world.data.time
+        for name, body in world.body_id.items():  # fixed ones are put in place by their world
+            there = model.body(name).id
+            model.body_pos[there] = world.model.body_pos[body]
+            model.body_quat[there] = world.model.body_quat[body]
+        now.qpos[:], now.time = world.data.qpos, world.data.time
         mujoco.mj_kinematics(model, now)
         mujoco.mj_comPos(model, now)
         mujoco.mj_camlight(model, now)
@@ -64,7 +71,7 @@ class Cameras:
         view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
         option = mujoco.MjvOption()
         every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._world.model, self._now, option, None, view, every, self._scene)
+        mujoco.mjv_updateScene(self._model, self._now, option, None, view, every, self._scene)
         out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(out, None, self._rect, self._target)

@@ -61,6 +61,11 @@ class Setting:
         """Seed of a policy's randomness, from task, environment seed and rollout."""
         return zlib.crc32(self.task.id.encode()), self.seed, self.rollout
 
+    @property
+    def look(self) -> tuple[int, int]:
+        """What cameras, room and light are drawn from: the same for all rollouts of a seed."""
+        return zlib.crc32(self.task.id.encode()), self.seed
+
     def episode_id(self, policy: str) -> str:
         """Id that is the same whenever the rollout is recorded.
 
@@ -106,7 +111,7 @@ def roll_out(
     if setting.prompt not in PROMPTS:
         raise InputError(f"prompt {setting.prompt!r}", "no such prompt.", ", ".join(PROMPTS))
     wanted = tuple(getattr(policy, "cameras", ()))
-    world = start(setting, visuals=bool(wanted) or video is not None)
+    world = start(setting)
     header = _header(setting, policy.name)
     recorder = Recorder(world, header)
     writer = recorder.writer
@@ -151,11 +156,11 @@ def roll_out(
     return writer
 
 
-def start(setting: Setting, *, visuals: bool = False) -> World:
+def start(setting: Setting) -> World:
     """The scene of a setting, come to rest, with the arm at home."""
     task = setting.task
     world = World(
-        task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf, visuals=visuals
+        task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf, look=setting.look
     )
     world.reset(task.layout(setting.seed))
     home = np.append(world.arm_position, 0.0)

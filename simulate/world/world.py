@@ -34,7 +34,7 @@ class World:
         *,
         substeps: int = 1,
         robot_mjcf: Path | None = None,
-        visuals: bool = False,
+        look: tuple[int, ...] = (0,),
     ) -> None:
         """Compile a scene; objects are put at their places by ``reset``.
 
@@ -42,11 +42,14 @@ class World:
             objects: name → what it is.
             substeps: physics steps per recorded frame: 1, or 4 where things bounce or roll.
             robot_mjcf: another MJCF of the arm.
-            visuals: load what is only seen.
+            look: numbers that cameras' places, and what they see besides, are drawn from; nothing
+                that happens depends on them.
         """
         self.objects = objects
         self.substeps = substeps
-        self.model = _scene(objects, substeps, robot_mjcf, visuals).compile()
+        self.robot_mjcf = robot_mjcf
+        self.look = look
+        self.model = scene_spec(objects, substeps, robot_mjcf, look).compile()
         self.data = mujoco.MjData(self.model)
         model = self.model
         self.arm_qpos = np.array([model.joint(n).qposadr[0] for n in droid.JOINTS])
@@ -118,9 +121,23 @@ class World:
         return min(max(1.0 - share, 0.0), 1.0)
 
 
-def _scene(
-    objects: dict[str, ObjectModel], substeps: int, robot_mjcf: Path | None, visuals: bool
+def scene_spec(
+    objects: dict[str, ObjectModel],
+    substeps: int = 1,
+    robot_mjcf: Path | None = None,
+    look: tuple[int, ...] = (0,),
+    *,
+    visuals: bool = False,
 ) -> mujoco.MjSpec:
+    """Table, floor, objects and arm, not compiled yet.
+
+    Args:
+        objects: as ``World`` takes them.
+        substeps: as well.
+        robot_mjcf: as well.
+        look: as well.
+        visuals: with the arm's meshes that are only seen; a model that is stepped has none.
+    """
     spec = mujoco.MjSpec()
     spec.modelname = "safestage"
     option = spec.option
@@ -144,6 +161,6 @@ def _scene(
     )  # fmt: skip
     for name, model in objects.items():
         model.add_to(spec, name)
-    robot = droid.arm_spec(robot_mjcf, visuals=visuals)
+    robot = droid.arm_spec(robot_mjcf, visuals=visuals, look=look)
     world.add_frame().attach_body(robot.body("link0"), droid.PREFIX, "")
     return spec

@@ -66,13 +66,12 @@ class ServedRecorder(Victim):
                 commit(text.split()[1].rstrip(":"))
 
         recording.say = said
-        start, cameras = rollout.start, rollout.Cameras
+        cameras = rollout.Cameras
         rollout.Cameras = Flat
-        rollout.start = lambda setting, visuals=False: start(setting)
         try:
             return main_with(
                 ["record", TASK, "--policy", self.address, "--seeds", f"0-{SEEDS - 1}", "--horizon",
                  "0.4", "--jobs", "1", "--out", str(folder)]
             )  # fmt: skip
         finally:
-            rollout.start, rollout.Cameras, recording.say = start, cameras, say
+            rollout.Cameras, recording.say = cameras, say

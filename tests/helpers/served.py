@@ -82,8 +82,4 @@ class Flat:
 @pytest.fixture
 def blind(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rollouts draw nothing, and load nothing that is only seen."""
-    start = simulate.record.rollout.start
     monkeypatch.setattr(simulate.record.rollout, "Cameras", Flat)
-    monkeypatch.setattr(
-        simulate.record.rollout, "start", lambda setting, visuals=False: start(setting)
-    )

@@ -52,6 +52,7 @@ ROOMS = {
         "arm",
         "catalogue",
         "world",
+        "looks",  # what only cameras see
         "skills",
         "tasks",
         "cameras",

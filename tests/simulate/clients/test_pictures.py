@@ -61,11 +61,7 @@ def rolled(
     monkeypatch: pytest.MonkeyPatch, protocol: str, steps: int, serving: str = ""
 ) -> tuple[list[Any], Episode]:
     """What a server was asked in a rollout, and the episode; ``serving``: options of the server's."""
-    start = simulate.record.rollout.start
     monkeypatch.setattr(simulate.record.rollout, "Cameras", Clock)
-    monkeypatch.setattr(
-        simulate.record.rollout, "start", lambda setting, visuals=False: start(setting)
-    )
     asked: list[Any] = []
     name, _, options = protocol.partition("?")
     kind = ZeromqServer if name == "groot" else WebsocketServer

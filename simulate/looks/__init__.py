@@ -1,0 +1,1 @@
+"""What only cameras see: a room, light, textures and skins, all computed; nothing here collides."""
