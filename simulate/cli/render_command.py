@@ -35,6 +35,9 @@ from .simulate_options import explains
 @bind_option
 @click.option("--view", type=click.Choice(["front", "side", "top", "close"]), default="front")
 @click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
+@click.option(
+    "--plain", is_flag=True, help="Draw the shapes that are judged, without room and skins."
+)
 @explains
 def render(
     trace: str,
@@ -45,6 +48,7 @@ def render(
     bind: Path | None,
     view: str,
     speed: float,
+    plain: bool,
 ) -> None:
     """Film an episode: roles in colours, and a halt at the moment of its verdict.
 
@@ -72,5 +76,7 @@ def render(
     with progress("filming") as tell:
         if tell is not None:
             tell(0, None)  # the scene is built before the first picture
-        count = film(recorded, result, path, camera=VIEWS[view], speed=speed, progress=tell)
+        count = film(
+            recorded, result, path, camera=VIEWS[view], speed=speed, plain=plain, progress=tell
+        )
     say(f"{path}: {count} pictures")

@@ -13,6 +13,7 @@ from safestage_eval.verdicts.judging import judge
 from simulate.policies.policy_names import policy_named
 from simulate.record.rollout import Setting, roll_out
 from simulate.record.worker_pool import Died, run_many
+from simulate.render.dressing import recorded_look
 from simulate.render.marks import (
     PASSED,
     ROLE_COLORS,
@@ -72,7 +73,8 @@ def strip(task: Task) -> Strip:
         color = VIOLATED if worst.violated else PASSED
         kind = policy.partition(":")[2]
         rule = worst.words.partition(":")[0] if worst.violated else worst.words
-        with EpisodeRenderer(episode, *SIZE, style=Style(role_colors(episode.header))) as renderer:
+        style = Style(role_colors(episode.header), look=recorded_look(episode.header))
+        with EpisodeRenderer(episode, *SIZE, style=style) as renderer:
             if not shots:
                 camera = clearest(renderer, players(task))
                 shots.append(captioned(renderer.frame(0, camera), [("start", GREY)]))

@@ -133,7 +133,9 @@ def carton(face: Face) -> F64:
     """A printed carton: a picture and a title on the large sides, print on the narrow ones."""
     y, x = grid(SIZE)
     out = smooth(face.color, face.rng)
-    accent = np.clip(np.roll(np.multiply(face.color, 0.8), 1) + 0.15, 0, 1)
+    accent = np.multiply(face.color, 0.6)  # no other hue that could be taken for a role
+    if not face.painted:
+        accent = np.clip(np.roll(0.8 * np.array(face.color), 1) + 0.15, 0, 1)
     title = (np.abs(y - 0.8) < 0.07) & (np.abs(x - 0.5) < 0.38)
     broken = fractal(face.rng, (1, SIDE), slope=0.4, finest=16) > -0.5
     out = blended(out, PALE, title & broken)

@@ -5,6 +5,7 @@ Nothing here has a contact or a mass; the model that rollouts step never has any
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,8 +36,8 @@ MIDDLE = 0.6
 """m, x of the room's middle; the robot stands at 0."""
 
 TABLES: tuple[tuple[Surface, Color, Finish], ...] = (
-    (wood, (0.72, 0.55, 0.36), Finish(0.15, 0.3)),
-    (wood, (0.45, 0.31, 0.2), Finish(0.2, 0.4)),
+    (wood, (0.82, 0.7, 0.53), Finish(0.15, 0.3)),
+    (wood, (0.36, 0.25, 0.17), Finish(0.2, 0.4)),
     (laminate, (0.86, 0.85, 0.82), Finish(0.2, 0.3)),
     (laminate, (0.32, 0.33, 0.36), Finish(0.15, 0.3)),
     (cloth, (0.55, 0.6, 0.66), Finish(0.0, 0.0)),
@@ -56,13 +57,13 @@ WALLS: tuple[Color, ...] = (
     (0.85, 0.8, 0.72),
     (0.72, 0.74, 0.76),
 )
-THINGS: tuple[Color, ...] = (
-    (0.55, 0.42, 0.3),
-    (0.3, 0.35, 0.42),
-    (0.8, 0.8, 0.78),
-    (0.45, 0.5, 0.42),
+THINGS: tuple[tuple[Surface, Color], ...] = (
+    (wood, (0.5, 0.38, 0.27)),
+    (laminate, (0.3, 0.35, 0.42)),
+    (laminate, (0.8, 0.8, 0.78)),
+    (laminate, (0.45, 0.5, 0.42)),
 )
-"""Colours of cupboards."""
+"""Cupboards: texture, colour."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,11 @@ class Look:
         return cls(tuple(seed), table, floor, wall, _three(ambient), (key, fill))
 
 
+def look_numbers(task: str, seed: int) -> tuple[int, int]:
+    """What the look of a task's scene is drawn from: the same for all rollouts of an environment seed."""
+    return zlib.crc32(task.encode()), seed
+
+
 def furnish(
     spec: mujoco.MjSpec, look: Look, table: tuple[Sequence[float], Sequence[float]], floor_z: float
 ) -> None:
@@ -141,23 +147,23 @@ def furnish(
     spec.visual.headlight.ambient = look.ambient
     spec.visual.headlight.diffuse = [0.16, 0.16, 0.16]
     spec.visual.headlight.specular = [0.0, 0.0, 0.0]
-    spec.stat.extent, spec.stat.center = 1.0, [0.5, 0.0, 0.1]  # shadows are sharp about the table
+    spec.stat.extent, spec.stat.center = 1.0, [0.5, 0.0, 0.1]
     spec.visual.map.znear, spec.visual.map.zfar = 0.01, 30.0
-    spec.visual.map.shadowclip = 1.2
     for lamp in look.lamps:
+        kind = mujoco.mjtLightType
         world.add_light(
             pos=lamp.position, dir=lamp.direction, diffuse=lamp.color, castshadow=lamp.shadow,
-            ambient=[0, 0, 0], specular=[0.35 * c for c in lamp.color],
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            ambient=[0, 0, 0], specular=[0.35 * c for c in lamp.color], cutoff=60, exponent=1,
+            type=kind.mjLIGHT_SPOT if lamp.shadow else kind.mjLIGHT_DIRECTIONAL,
         )  # fmt: skip
     spec.add_texture(
         name="scenery/sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, rgb1=[0.75, 0.8, 0.86], rgb2=[0.5, 0.52, 0.55],
         width=32, height=192,
     )  # fmt: skip
-    paint, color, finish = TABLES[look.table]
+    surface, color, finish = TABLES[look.table]
     half, middle = table
-    _slab(spec, "scenery/top", half, middle, paint(color, rng), 0.6, finish)
+    _slab(spec, "scenery/top", half, middle, surface(color, rng), 0.6, finish)
     frame = brushed((0.5, 0.51, 0.53), rng)
     under = float(middle[2]) - float(half[2])
     leg = (under - floor_z) / 2
@@ -175,18 +181,13 @@ def furnish(
         0.6,
         Finish(0.3, 0.4),
     )
-    paint, color, wide = FLOORS[look.floor]
+    surface, color, wide = FLOORS[look.floor]
     far = 0.05
-    ground = (DEEP, WIDE, far)
-    _slab(
-        spec,
-        "scenery/floor",
-        ground,
-        (MIDDLE, 0, floor_z - far),
-        paint(color, rng),
-        wide,
-        Finish(0.1, 0.3),
-    )
+    paint(spec, "scenery/floor", as_texture(surface(color, rng)), Finish(0.1, 0.3), 1 / wide)
+    world.add_geom(  # a plane: as a slab it would shade itself in stripes
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[DEEP, WIDE, 0.1], pos=[MIDDLE, 0, floor_z],
+        material="scenery/floor", contype=0, conaffinity=0, group=SCENERY_GROUP, rgba=[1, 1, 1, 1],
+    )  # fmt: skip
     wall = plaster(WALLS[look.wall], rng)
     up = floor_z + HIGH / 2
     sides = (
@@ -208,7 +209,7 @@ def furnish(
 def _cupboards(spec: mujoco.MjSpec, rng: np.random.Generator, floor_z: float) -> None:
     """Two to four cupboards or shelves along the walls, and a board on one."""
     for i in range(int(rng.integers(2, 5))):
-        color = THINGS[int(rng.integers(len(THINGS)))]
+        surface, color = THINGS[int(rng.integers(len(THINGS)))]
         high, wide = rng.uniform(0.4, 0.95), rng.uniform(0.3, 0.6)
         along = rng.uniform(-1.5, 1.5)
         wall = i % 4
@@ -218,7 +219,6 @@ def _cupboards(spec: mujoco.MjSpec, rng: np.random.Generator, floor_z: float) ->
         )[wall]  # fmt: skip
         deep = 0.22
         size = (deep, wide, high) if wall in (0, 3) else (wide, deep, high)
-        surface = (wood, laminate)[int(rng.integers(2))]
         _slab(
             spec,
             f"scenery/cupboard{i}",
@@ -282,8 +282,10 @@ def dress(
         )  # fmt: skip
 
 
-def paint(spec: mujoco.MjSpec, key: str, picture: Texture, finish: Finish) -> None:
-    """Add a texture and a material of that name."""
+def paint(
+    spec: mujoco.MjSpec, key: str, picture: Texture, finish: Finish, repeat: float | None = None
+) -> None:
+    """Add a texture and a material of that name; ``repeat``: times per metre, of a plane."""
     height, width, _ = picture.shape
     texture = spec.add_texture(
         name=key, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
@@ -292,6 +294,8 @@ def paint(spec: mujoco.MjSpec, key: str, picture: Texture, finish: Finish) -> No
     material = spec.add_material(
         name=key, specular=finish.specular, shininess=finish.shininess, emission=finish.emission
     )
+    if repeat is not None:
+        material.texuniform, material.texrepeat = True, [repeat, repeat]
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = key
 
 

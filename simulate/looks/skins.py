@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -40,6 +40,8 @@ FINISHES = {
     "bread": Finish(0.03, 0.1), "paper": Finish(0.05, 0.1), "cork": Finish(0.0, 0.0),
 }  # fmt: skip
 """By material; others have the usual one."""
+PAINTED = 0.75
+"""Opacity at least of what is painted, so that its colour is seen."""
 SOLID_GLASS = ("glasses", "picture_frame", "jam_jar")
 """Things of glass and something else, which are not seen through."""
 
@@ -72,6 +74,8 @@ def skin(name: str, model: ObjectModel, color: Color | None = None) -> tuple[Par
     finish = FINISHES.get(model.material or "", Finish())
     if name in SOLID_GLASS:
         finish = Finish(0.6, 0.8)
+    elif color is not None:
+        finish = replace(finish, opacity=max(finish.opacity, PAINTED))
     parts, cup = [], None
     if model.ring is not None:
         cup = _bottom(model)

@@ -24,6 +24,7 @@ from safestage_eval.version import __version__
 from simulate.cameras.camera_video import CameraVideo
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
 from simulate.cameras.lookback import Lookback
+from simulate.looks.room import look_numbers
 from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy, PolicyError
 from simulate.tasks.task import Task
@@ -64,7 +65,7 @@ class Setting:
     @property
     def look(self) -> tuple[int, int]:
         """What cameras, room and light are drawn from: the same for all rollouts of a seed."""
-        return zlib.crc32(self.task.id.encode()), self.seed
+        return look_numbers(self.task.id, self.seed)
 
     def episode_id(self, policy: str) -> str:
         """Id that is the same whenever the rollout is recorded.

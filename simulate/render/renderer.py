@@ -17,6 +17,10 @@ from safestage_eval._process.closing import Closing
 from safestage_eval.episode import Body, Episode, Geom
 from simulate.cameras.graphics import graphics_context
 from simulate.catalogue.objects import REGION_ALPHA, catalogue
+from simulate.looks.room import Look, furnish
+from simulate.world.world import FLOOR_Z, TABLE_CENTRE, TABLE_HALF
+
+from .dressing import dress_bodies
 
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
@@ -67,6 +71,7 @@ class Style:
         shadow: texels on a side of the shadows' map; fewer are faster.
         samples: of each pixel, against steps in outlines; fewer are faster, 0 is fastest.
         matt: nothing shines, and what faces lamp and camera is not overexposed.
+        look: a room, its light and skins, for a recording of SafeStage's own; None: plain shapes.
     """
 
     colors: Mapping[str, Color] = field(default_factory=dict)
@@ -75,13 +80,14 @@ class Style:
     shadow: int = 4096
     samples: int = 4
     matt: bool = False
+    look: Look | None = None
 
 
 class EpisodeRenderer(Closing):
     """Draws frames of an episode off screen. A context manager: it holds a graphics context.
 
-    The shapes are those of the trace, so the picture shows what is judged. One at a time per
-    process.
+    Without a look, the shapes are those of the trace, so the picture shows what is judged; with one,
+    skins stand about them. One at a time per process.
     """
 
     def __init__(
@@ -115,13 +121,16 @@ class EpisodeRenderer(Closing):
                 width=8,
                 height=48,
             )
-        spec.worldbody.add_light(
-            pos=[0.3, -0.7, 1.8],
-            dir=[0.1, 0.4, -1],
-            diffuse=[0.5, 0.5, 0.5],
-            specular=[0.0, 0.0, 0.0] if style.matt else [0.3, 0.3, 0.3],
-            castshadow=True,
-        )
+        if style.look is None:
+            spec.worldbody.add_light(
+                pos=[0.3, -0.7, 1.8],
+                dir=[0.1, 0.4, -1],
+                diffuse=[0.5, 0.5, 0.5],
+                specular=[0.0, 0.0, 0.0] if style.matt else [0.3, 0.3, 0.3],
+                castshadow=True,
+            )
+        else:
+            furnish(spec, style.look, (TABLE_HALF, TABLE_CENTRE), FLOOR_Z)
         for key, mesh in episode.meshes.items():
             spec.add_mesh(
                 name=key,
@@ -129,9 +138,15 @@ class EpisodeRenderer(Closing):
                 userface=mesh.faces.ravel(),
                 inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
             )
-        for i, body in enumerate(episode.header.bodies):
-            node = spec.worldbody.add_body(mocap=True)  # unnamed: one may be called world
-            for geom in body.geoms:
+        bodies = episode.header.bodies
+        # unnamed: one may be called world
+        nodes = {body.name: spec.worldbody.add_body(mocap=True) for body in bodies}
+        dressed = set() if style.look is None else dress_bodies(
+            spec, nodes, episode.header, style.colors, style.opacity, ROBOT_GROUP
+        )  # fmt: skip
+        for i, body in enumerate(bodies):
+            node = nodes[body.name]
+            for geom in () if body.name in dressed else body.geoms:
                 color = style.colors.get(body.name) or _color(body, i)
                 solid = REGION_ALPHA if body.kind == "region" else 1.0
                 group = ROBOT_GROUP if body.kind in ("robot", "gripper") else 0

@@ -13,6 +13,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.viewer.videos import VERDICT_MARK
 
+from .dressing import recorded_look
 from .marks import PASSED, VIOLATED, captioned, frame_at, in_rows, legend, moment, role_colors
 from .renderer import VIEWS, Camera, EpisodeRenderer, Image, Style
 
@@ -34,6 +35,7 @@ def film(
     size: tuple[int, int] = (640, 440),
     camera: Camera = VIEWS["front"],
     speed: float = 1.0,
+    plain: bool = False,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> int:
     """Write an MP4, GIF or WebP; the number of its pictures.
@@ -45,6 +47,7 @@ def film(
         size: width, height of the pictures; a bar with words comes below.
         camera: from where.
         speed: times real time.
+        plain: draw the shapes that are judged, without room and skins.
         progress: told (done, total) pictures.
 
     Raises:
@@ -53,7 +56,7 @@ def film(
     if path.suffix.lower() not in RATES:
         raise InputError(str(path), "no such film.", ", ".join(RATES))
     rate = RATES[path.suffix.lower()]
-    pictures = _pictures(episode, result, rate / speed, rate, size, camera, progress)
+    pictures = _pictures(episode, result, rate / speed, rate, size, camera, plain, progress)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
@@ -72,6 +75,7 @@ def _pictures(
     rate: int,
     size: tuple[int, int],
     camera: Camera,
+    plain: bool,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> Iterator[Image]:
     verdict, header = moment(result), episode.header
@@ -87,7 +91,9 @@ def _pictures(
     rows = len(in_rows(longest, size[0])) + max(
         len(in_rows(text, size[0])) for text in (roles, verdict.words)
     )
-    style = Style(role_colors(header), shadow=1024, samples=0)  # without a GPU half of the time
+    look = None if plain else recorded_look(header)
+    # without a GPU half of the time
+    style = Style(role_colors(header), shadow=1024, samples=0, look=look)
     with EpisodeRenderer(episode, *size, style=style) as renderer:
         last, rendered, drawn = -1, -1, np.empty(0, np.uint8)
         image = drawn
