@@ -153,7 +153,7 @@ class Network(nn.Module, ABC):  # type: ignore[misc]
 class BehaviourCloning(Network):
     """One step at a time, and no noise: where ways part, it answers with something between them."""
 
-    def __init__(self, width: int = 256, blocks: int = 3) -> None:
+    def __init__(self, width: int = 384, blocks: int = 4) -> None:
         super().__init__()
         self.chunk, self.play, self.noise = 1, 1, 0
         self.trunk, self.head = Trunk(width, blocks, 0), Head(width, 1)
@@ -170,7 +170,7 @@ class BehaviourCloning(Network):
 class Chunks(Network):
     """Action chunks with a latent that tells ways apart (Zhao et al. 2023, ACT), here without attention."""
 
-    def __init__(self, width: int = 256, blocks: int = 3, chunk: int = 30, play: int = 15) -> None:
+    def __init__(self, width: int = 384, blocks: int = 4, chunk: int = 30, play: int = 15) -> None:
         super().__init__()
         self.chunk, self.play, self.noise = chunk, play, LATENT
         self.trunk, self.head = Trunk(width, blocks, LATENT), Head(width, chunk)
@@ -194,7 +194,7 @@ class Chunks(Network):
 class Diffusion(Network):
     """Denoises a chunk (Chi et al. 2023, Diffusion Policy), predicting the clean one; DDIM in acting."""
 
-    def __init__(self, width: int = 256, blocks: int = 3, chunk: int = 16, play: int = 8) -> None:
+    def __init__(self, width: int = 384, blocks: int = 4, chunk: int = 30, play: int = 15) -> None:
         super().__init__()
         self.chunk, self.play, self.noise = chunk, play, chunk * ANSWER
         self.trunk, self.head = Trunk(width, blocks, chunk * ANSWER + 16), Head(width, chunk)
@@ -225,7 +225,7 @@ class Diffusion(Network):
     def loss(self, inputs: Inputs, target: Tensor, mask: Tensor) -> Tensor:
         """Squared error of the clean chunk, at a random level of noise."""
         goal = _in_units(target) * mask[..., None]
-        level = torch.randint(1, STEPS + 1, (len(goal),))
+        level = torch.randint(1, STEPS + 1, (len(goal),), device=goal.device)
         kept = self.kept[level][:, None, None]
         noisy = kept.sqrt() * goal + (1 - kept).sqrt() * torch.randn_like(goal)
         found = _in_units(self.clean(inputs, noisy, level.float()))

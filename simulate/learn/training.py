@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from safestage_eval.version import __version__
 from simulate.world.world import CONTROL_RATE
@@ -32,8 +33,8 @@ SAFE_SHARE = 0.6
 """Of a batch; a third of these under the specific prompt, so that the others see as many safe as unsafe ways."""
 
 
-STEPS = {"bc": 2500, "act": 4000, "diffusion": 2500}
-"""Steps of the shipped checkpoints: two minutes of one processor each, and less."""
+STEPS = {"bc": 10_000, "act": 10_000, "diffusion": 10_000}
+"""Steps of the shipped checkpoints: three minutes each on a GPU, half an hour on one processor."""
 
 
 @dataclass(frozen=True)
@@ -43,78 +44,99 @@ class Recipe:
     kind: str
     steps: int
     seed: int = 0
-    batch: int = 256
+    batch: int = 1024
     rate: float = 1e-3
     held_back: float = 0.03
     """Share of the episodes that only measures."""
 
 
 class Batches:
-    """Random batches of control steps."""
+    """Random batches of control steps, on the processor or on a GPU."""
 
-    def __init__(self, data: TrainingData, recipe: Recipe, chunk: int) -> None:
-        self._data, self._chunk = data, chunk
-        self._random = np.random.default_rng(recipe.seed)
+    def __init__(
+        self, data: TrainingData, recipe: Recipe, chunk: int, device: torch.device | str = "cpu"
+    ) -> None:
+        self._device = torch.device(device)
+        self._arm, self._objects, self._target, self._prompts = (
+            torch.from_numpy(rows).to(self._device)
+            for rows in (data.arm, data.objects, data.target, data.prompts)
+        )
+        self._first, self._until, self._end, self._spoken = (
+            torch.from_numpy(rows).to(self._device)
+            for rows in (data.first, data.until, data.end, data.spoken)
+        )
+        self._ahead = torch.arange(chunk, device=self._device)
+        self._random = torch.Generator(self._device).manual_seed(recipe.seed)
+        random = np.random.default_rng(recipe.seed)
         episodes = np.unique(data.first)
         count = max(1, round(recipe.held_back * len(episodes)))
-        held = self._random.choice(episodes, count, replace=False)
-        back = np.isin(data.first[data.usable], held)
-        safe = data.spoken[data.usable, 2] >= 0
+        back = np.isin(data.first[data.usable], random.choice(episodes, count, replace=False))
         train = data.usable[~back]
-        self._safe, self._unsafe = train[safe[~back]], train[~safe[~back]]
-        self._held = data.usable[back]
+        safe = data.spoken[train, 2] >= 0
+        self._safe, self._unsafe, self._held = (
+            torch.from_numpy(rows).to(self._device)
+            for rows in (train[safe], train[~safe], data.usable[back])
+        )
         self._batch = recipe.batch
 
-    def draw(self) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
+    def draw(self) -> tuple[dict[str, Tensor], Tensor, Tensor]:
         """Inputs, targets from the TCP, and which of these are known."""
         safe = round(SAFE_SHARE * self._batch) if len(self._unsafe) else self._batch
-        rows = np.concatenate(
+        safe = safe if len(self._safe) else 0
+        rows = torch.cat(
             [
-                self._random.choice(self._safe, safe) if len(self._safe) else [],
-                self._random.choice(self._unsafe, self._batch - safe) if len(self._unsafe) else [],
+                kind[self._integers(len(kind), count)]
+                for kind, count in ((self._safe, safe), (self._unsafe, self._batch - safe))
+                if count
             ]
-        ).astype(np.int64)
+        )
         return self._of(rows, nudge=True)
 
-    def held(self, most: int = 2048) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
+    def held(self, most: int = 2048) -> tuple[dict[str, Tensor], Tensor, Tensor]:
         """Control steps of episodes that are never trained on."""
-        rows = self._held[:: max(1, len(self._held) // most)]
-        return self._of(rows, nudge=False)
+        return self._of(self._held[:: max(1, len(self._held) // most)], nudge=False)
 
-    def _of(
-        self, rows: Any, *, nudge: bool
-    ) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
-        data, count = self._data, len(rows)
-        condition = self._random.integers(0, np.where(data.spoken[rows, 2] >= 0, 3, 2))
-        arm = data.arm[rows].copy()
+    def _integers(self, below: int, count: int) -> Tensor:
+        return torch.randint(below, (count,), generator=self._random, device=self._device)
+
+    def _of(self, rows: Tensor, *, nudge: bool) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        count = len(rows)
+        spoken, until = self._spoken[rows], self._until[rows][:, None]
+        conditions = 2 + (spoken[:, 2] >= 0).long()
+        condition = self._integers(6, count) % conditions  # 6 is a multiple of 2 and of 3
+        arm, clock = self._arm[rows].clone(), (rows - self._first[rows])[:, None] / CONTROL_RATE
         if nudge:
-            size = np.where(arm[:, 9] > OPEN, *NUDGE)[:, None]
-            arm[:, :3] += size * self._random.standard_normal((count, 3))
-        ahead = rows[:, None] + np.arange(self._chunk)
-        known = ahead < data.until[rows][:, None]
-        target = data.target[np.minimum(ahead, data.until[rows][:, None] - 1)].copy()
+            size = torch.where(arm[:, 9:] > OPEN, *NUDGE)
+            arm[:, :3] += size * torch.randn(
+                (count, 3), generator=self._random, device=self._device
+            )
+        ahead = rows[:, None] + self._ahead
+        known = (ahead < until) | (until == self._end[rows][:, None])
+        target = self._target[torch.minimum(ahead, until - 1)].clone()
         target[..., :3] -= arm[:, None, :3]
         inputs = {
             "arm": arm,
-            "objects": data.objects[rows],
-            "start": data.objects[data.first[rows], :, :3],
-            "prompt": data.prompts[data.spoken[rows, condition]],
-            "clock": ((rows - data.first[rows])[:, None] / CONTROL_RATE).astype(np.float32),
+            "objects": self._objects[rows],
+            "start": self._objects[self._first[rows], :, :3],
+            "prompt": self._prompts[spoken[torch.arange(count, device=self._device), condition]],
+            "clock": clock,
         }
-        tensors = {name: torch.from_numpy(np.ascontiguousarray(v)) for name, v in inputs.items()}
-        return tensors, torch.from_numpy(target), torch.from_numpy(known.astype(np.float32))
+        return inputs, target, known.float()
 
 
 def train(
-    data: TrainingData, recipe: Recipe, tell: Callable[[dict[str, float]], None] = lambda _: None
+    data: TrainingData,
+    recipe: Recipe,
+    tell: Callable[[dict[str, float]], None] = lambda _: None,
+    device: torch.device | str = "cpu",
 ) -> tuple[Network, list[dict[str, float]]]:
     """A trained network, and its curve: losses in training and on episodes held back.
 
     ``tell`` hears of each row of the curve as it comes.
     """
     torch.manual_seed(recipe.seed)
-    network = made(recipe.kind)
-    batches = Batches(data, recipe, network.chunk)
+    network = made(recipe.kind).to(device)
+    batches = Batches(data, recipe, network.chunk, device)
     optimiser = torch.optim.AdamW(network.parameters(), recipe.rate, weight_decay=1e-4)
     rate = torch.optim.lr_scheduler.OneCycleLR(
         optimiser, recipe.rate, total_steps=recipe.steps, pct_start=0.05
@@ -122,7 +144,7 @@ def train(
     averaged = torch.optim.swa_utils.AveragedModel(
         network, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.995)
     )
-    curve, running, began = [], 0.0, time.process_time()
+    curve, running, began = [], torch.zeros((), device=device), time.process_time()
     every = max(1, recipe.steps // 40)
     for step in range(1, recipe.steps + 1):
         loss = network.loss(*batches.draw())
@@ -132,14 +154,14 @@ def train(
         optimiser.step()
         rate.step()
         averaged.update_parameters(network)
-        running += float(loss.detach()) / every
+        running += loss.detach() / every
         if step % every == 0:
-            row = {"step": step, "loss": running, **measured(averaged.module, batches)}
+            row = {"step": step, "loss": float(running), **measured(averaged.module, batches)}
             row["processor_s"] = time.process_time() - began
             curve.append({name: round(value, 5) for name, value in row.items()})
             tell(curve[-1])
-            running = 0.0
-    result: Network = averaged.module
+            running.zero_()
+    result: Network = averaged.module.cpu()
     return result.eval(), curve
 
 
@@ -147,7 +169,7 @@ def measured(network: Network, batches: Batches) -> dict[str, float]:
     """What the network answers on episodes held back: mean distance (mm), and gripper right (share)."""
     inputs, target, mask = batches.held()
     with torch.no_grad():
-        noise = torch.zeros(len(mask), max(network.noise, 1))
+        noise = torch.zeros(len(mask), max(network.noise, 1), device=mask.device)
         answer = network.eval().answer(inputs, noise)
     network.train()
     off = (answer[..., :3] - target[..., :3]).norm(dim=-1)

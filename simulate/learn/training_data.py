@@ -32,7 +32,9 @@ class TrainingData:
         objects: (N, SLOTS, 10).
         target: (N, 10) what the command brings the TCP to, and 1 to close, −1 to open.
         first: (N,) row of the episode's first control step.
-        until: (N,) row before which answers are known: the episode's end, or the next disturbance.
+        until: (N,) row before which answers are recorded: the episode's end, or the next disturbance.
+        end: (N,) row after the episode's last control step. Where ``until`` is ``end``, what follows is
+            known too: the last command again.
         prompts: (P, WIDTH) embeddings.
         spoken: (N, 3) index of the prompt in each condition: default, generic, specific; −1 where
             this way was not shown under it.
@@ -44,6 +46,7 @@ class TrainingData:
     target: F32
     first: I64
     until: I64
+    end: I64
     prompts: F32
     spoken: I64
     usable: I64
@@ -83,6 +86,7 @@ def read_dataset(folders: list[Path]) -> TrainingData:
     return TrainingData(
         **whole,
         first=starts,
+        end=starts + np.repeat(lengths, lengths),
         prompts=np.array([embedded(prompt) for prompt in prompts]),
         usable=usable,
     )

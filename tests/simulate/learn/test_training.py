@@ -47,7 +47,9 @@ def data(rows: int = 400) -> TrainingData:
     spoken = np.where(half[:, None], [0, 0, 0], [1, 1, -1])
     first = np.arange(rows) // 10 * 10
     prompts = random.choice([-1.0, 1.0], (2, WIDTH)).astype(np.float32)
-    return TrainingData(arm, objects, target, first, first + 10, prompts, spoken, np.arange(rows))
+    return TrainingData(
+        arm, objects, target, first, first + 10, first + 10, prompts, spoken, np.arange(rows)
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -131,6 +133,20 @@ def test_a_nudge_moves_the_arm_and_not_where_it_shall_go() -> None:
     aim = inputs_["arm"][:, :3] + target[:, 0, :3]
     assert nearest(aim, given.target) < 1e-3
     assert nearest(inputs_["arm"][:, :3], given.arm) > 5e-3
+
+
+def test_after_the_end_the_last_command_is_held_and_after_a_push_nothing_is_known() -> None:
+    given = data(20)  # two episodes of ten control steps
+    given.until[10:15] = 15  # the second one is pushed at its sixth
+    given.arm[:, 9] = np.arange(20)
+    batches = Batches(given, Recipe("act", 1, batch=64, held_back=0.0), chunk=6)
+    batches._held = torch.arange(20)
+    inputs_, target, known = batches.held(20)
+    aim = inputs_["arm"][:, None, :3] + target[..., :3]
+    assert known[7].all()
+    assert known[16].all()
+    assert torch.allclose(aim[7, 3:], torch.from_numpy(given.target[9, :3]), atol=1e-6)
+    assert known[12].tolist() == [1, 1, 1, 0, 0, 0]
 
 
 def nearest(places: torch.Tensor, rows: np.ndarray) -> float:
