@@ -117,7 +117,10 @@ def _parts(texts: Iterable[str]) -> list[str]:
 
 
 def _matches(role: str, pattern: str, header: Header, taken: set[str]) -> list[str]:
-    """The bodies or joints that a name or a pattern stands for."""
+    """The bodies or joints that a name or a pattern stands for.
+
+    A pattern stands for objects; without any, for fixtures and regions; without any, for joints.
+    """
     names = [body.name for body in header.bodies] + [joint.name for joint in header.joints]
     if pattern in names:
         return [pattern]
@@ -126,7 +129,8 @@ def _matches(role: str, pattern: str, header: Header, taken: set[str]) -> list[s
     free = [name for name in names if name not in taken and fnmatchcase(name, pattern)]
     kinds = {body.name: body.kind for body in header.bodies}
     objects = [name for name in free if kinds.get(name) == "object"]
-    return objects or [name for name in free if kinds.get(name) not in ("robot", "gripper")]
+    others = [name for name in free if kinds.get(name) in ("fixture", "region")]
+    return objects or others or [name for name in free if name not in kinds]
 
 
 def _no_body(role: str, pattern: str, header: Header) -> RuleError:

@@ -61,6 +61,13 @@ def test_a_pattern_leaves_out_what_plays_another_role_in_the_header() -> None:
     assert bound("protected=*", roles=roles).roles["protected"] == ("glass_1", "glass_2", "odd[1]")
 
 
+def test_a_pattern_stands_for_joints_only_where_no_body_is_free() -> None:
+    everything = tuple(name for name in KINDS if KINDS[name] == "object")
+    assert bound("protected=*", roles={"target": everything}).roles["protected"] == ("table",)
+    with pytest.raises(RuleError, match='"hinge" is a joint'):
+        bound("target=hin*")
+
+
 def test_protect_is_the_role_protected() -> None:
     assert bound("protected=cube", protect=["glass_1,glass_2"]).roles["protected"] == (
         "cube", "glass_1", "glass_2",
