@@ -59,11 +59,14 @@ def fit(corners: F64, position: F64, orientation: F64) -> Fit | None:
     upper = np.array([[i >> axis & 1 for axis in range(3)] for i in range(8)], bool)
     edges = np.array([mean[up].mean(0) - mean[~up].mean(0) for up in upper.T])
     centre = mean.mean(axis=0)
+    above = mean > centre
+    if not (above.any(axis=0) & ~above.all(axis=0)).all():
+        return None  # flat, or numbers so large that their differences are lost
     low, high = mean.min(axis=0), mean.max(axis=0)
-    nearest = np.array([np.where(corner > centre, high, low) for corner in mean])
+    nearest = np.array([np.where(up, high, low) for up in above])
     if np.abs(nearest - mean).max() <= ALIGNED:
-        half = np.array([(mean[mean[:, k] > centre[k], k].mean()
-                          - mean[mean[:, k] <= centre[k], k].mean()) / 2 for k in range(3)])  # fmt: skip
+        half = np.array([(mean[above[:, k], k].mean() - mean[~above[:, k], k].mean()) / 2
+                         for k in range(3)])  # fmt: skip
         turn = (1.0, 0.0, 0.0, 0.0)
     else:
         half = np.linalg.norm(edges, axis=1) / 2
