@@ -79,6 +79,20 @@ def test_a_spike_of_one_frame_is_kept(again):
     assert curve["t"][int(np.argmax(curve["v"]))] == pytest.approx(t[12_345], abs=1e-3)
 
 
+def test_what_a_finding_names_is_kept():
+    """A value that is no extreme, at the moment that the verdict tells."""
+    t = np.arange(20_000) / 120
+    values = np.where(np.arange(len(t)) % 2, 0.5, 0.0)
+    values[12_345] = 0.25
+    curve = Curve("displacement(cube)", exact(values, "length"), ())
+    thin = curve_data(t, curve)
+    assert in_unit(0.25, "length") not in thin["v"]
+    kept = curve_data(t, curve, (None, float(t[12_345]), 1e9))
+    at = kept["v"].index(in_unit(0.25, "length"))
+    assert kept["t"][at] == pytest.approx(t[12_345], abs=1e-3)
+    assert kept["t"] == sorted(kept["t"])
+
+
 def test_what_was_not_measured_breaks_the_curve(again):
     t = np.arange(1200) / 120
     values = np.sin(t)

@@ -130,7 +130,8 @@ export class WitnessDrawing {
     if (!curve) return null;
     const after = curve.t.findIndex((t) => t >= time - 1e-6), before = Math.max(after - 1, 0);
     if (after < 0 || curve.v[after] === null || curve.v[before] === null) return null;
-    const wide = curve.t[after] - curve.t[before], share = wide ? Math.max(0, (time - curve.t[before]) / wide) : 1;
+    const wide = curve.t[after] - curve.t[before], near = 6e-4; // s: times of curves are whole milliseconds
+    const share = wide && curve.t[after] - time > near ? Math.max(0, (time - curve.t[before]) / wide) : 1;
     return wide > 0.3 ? null : amount((1 - share) * curve.v[before] + share * curve.v[after], curve.unit);
   }
 

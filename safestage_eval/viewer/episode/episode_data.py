@@ -149,7 +149,7 @@ def _finding(again: Again, rule: ast.Scoped, v: Verdict, *, curves: bool) -> dic
         "intervals": [list(pair) for pair in v.intervals],
         "bodies": list(v.bodies),
         "witness": witness(v, again.episode.header, again.judge.success_time),
-        "curves": [curve_data(t, curve) for curve in looked.curves],
+        "curves": [curve_data(t, curve, (v.time, v.worst_time)) for curve in looked.curves],
         "lanes": [lane_data(t, lane) for lane in looked.lanes],
         "judged": spans_of(t, looked.judged),
     }

@@ -17,8 +17,8 @@ COLUMNS = 320
 """Into so many pieces time is cut; of each the least and the greatest value are kept."""
 
 
-def curve_data(t: F64, curve: Curve) -> dict[str, Any]:
-    """A measurement in the unit that it is shown in.
+def curve_data(t: F64, curve: Curve, moments: Sequence[float | None] = ()) -> dict[str, Any]:
+    """A measurement in the unit that it is shown in; what was measured at ``moments`` (s) is kept.
 
     ``t`` are s; ``v`` values, null where nothing was measured; ``least`` likewise, where only that
     much is known: at least so far apart.
@@ -27,7 +27,9 @@ def curve_data(t: F64, curve: Curve) -> dict[str, Any]:
     lower, upper = curve.series.lower, curve.series.upper
     least = np.isfinite(lower) & ~np.isfinite(upper)
     shown = curve.series.value * in_unit(1.0, dimension)
-    frames = thinned(t, shown)
+    asked = np.searchsorted(t, [at - 1e-6 for at in moments if at is not None])
+    named = [int(frame) for frame in asked if frame < len(t) and np.isfinite(shown[frame])]
+    frames = sorted({*thinned(t, shown), *named})
     return {
         "signal": curve.signal,
         "unit": unit_of(dimension),
