@@ -18,6 +18,9 @@ from .render_json import render_json
 from .summary import share
 from .table import Table
 
+LONGEST_NAME = 8
+"""Characters of a side's name that leave a line of 80 room for the other columns."""
+
 
 def render(comparison: Comparison, form: str) -> str:
     """The comparison in one of ``report.TABLE_FORMATS``. Raises KeyError for another."""
@@ -104,11 +107,18 @@ def notes(comparison: Comparison) -> list[str]:
     return lines
 
 
+def _heads(first: str, second: str) -> tuple[str, str]:
+    """Headings of the two rates: names if both are short, for the title has them."""
+    if max(len(first), len(second)) > LONGEST_NAME:
+        first, second = "first", "second"
+    return f"{first} %", f"{second} %"
+
+
 def _table(comparison: Comparison) -> Table:
     a, b = comparison.names
     return Table(
         f"{a} → {b}",
-        ("of", "metric", "pairs", f"{a} %", f"{b} %", "difference", "95 % interval",
+        ("of", "metric", "pairs", *_heads(a, b), "difference", "95 % interval",
          "only first", "only second", "p", "Holm", "needs"),
         [
             [
