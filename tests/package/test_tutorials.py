@@ -19,9 +19,10 @@ FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INSTALLS = {
     "git clone https://github.com/safestage/safestage && cd safestage",
     "pip install .",
-    "pip install ./recorder",
+    "pip install ./recorder mujoco",
+    "pip install pytest",
 }
-"""What a tutorial may ask to install; both folders have a pyproject.toml."""
+"""What a tutorial may ask to install; the environment of the tests has it."""
 
 pytestmark = pytest.mark.slow
 
