@@ -391,6 +391,36 @@ def test_paper_has_the_evidence_of_what_is_listed(tab, written):  # noqa: F811
         assert not tab.locator(control).is_visible()
 
 
+def test_pictures_on_paper_are_light_under_a_dark_screen(tab, written):  # noqa: F811
+    """Of what is drawn for paper more than half is bright, and the screen stays as it was."""
+    tab.emulate_media(color_scheme="dark")
+    opened(tab, (written / "folder" / "index.html").as_uri(), "#episode=unsafe")
+    ready(tab)
+    dark = ground(tab)
+    tab.evaluate("() => { globalThis.print = () => { globalThis.printed = true; }; }")
+    tab.click("#print")
+    tab.wait_for_function("() => globalThis.printed")
+    assert ground(tab) == dark
+    shares = tab.locator("#appendix img").evaluate_all(
+        """all => all.map((image) => {
+            const canvas = document.createElement("canvas");
+            [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+            const context = canvas.getContext("2d");
+            context.fillStyle = "white"; context.fillRect(0, 0, canvas.width, canvas.height);
+            context.drawImage(image, 0, 0);
+            const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+            let bright = 0, pure = 0;
+            for (let i = 0; i < data.length; i += 4) {
+                bright += (data[i] + data[i + 1] + data[i + 2]) / 3 > 150;
+                pure += data[i] + data[i + 1] + data[i + 2] < 240;  // ink of the curve
+            }
+            return [bright / (data.length / 4), pure];
+        })"""
+    )
+    assert all(bright > 0.5 for bright, _ in shares), shares
+    assert all(ink > 100 for _, ink in shares), shares
+
+
 def test_the_task_table_shows_the_rate_that_is_chosen(tab, listed):  # noqa: F811
     opened(tab, listed)
     cell = tab.locator("table.heat td[data-k]").first

@@ -79,10 +79,7 @@ export function wordsFor(table, places) {
     ...some.map((place) => told(table, place)));
 }
 
-/** Draw the pictures of the gravest, then print; `tell` is called with how far it is. */
-export async function printEvidence(table, places, tell) {
-  made = null;
-  wordsFor(table, places);
+async function drawAll(table, places, tell) {
   const articles = [...byId("appendix").querySelectorAll("article.evidence")];
   const some = places.slice(0, PICTURED);
   for (const [i, place] of some.entries()) {
@@ -95,5 +92,18 @@ export async function printEvidence(table, places, tell) {
     }
   }
   tell("");
+}
+
+/** Draw the pictures of the gravest in the colours of paper, then print; `tell` is called with how far it is. */
+export async function printEvidence(table, places, tell) {
+  made = null;
+  wordsFor(table, places);
+  const { dataset } = document.documentElement, chosen = dataset.theme;
+  dataset.theme = "light";
+  try {
+    await drawAll(table, places, tell);
+  } finally {
+    if (chosen) dataset.theme = chosen; else delete dataset.theme;
+  }
   globalThis.print();
 }
