@@ -2,9 +2,9 @@
 
     python benchmarks/kernel_signatures.py traces/ --write     # after kernels were added or changed
 
-Judges the traces by all rules, in this process, and compares the kernels that Python called with those
-in ``kernel_signatures.json``; with ``--write``, adds what is missing there and removes kernels that are
-no longer there. Run it twice where kernels were changed: a kernel that is compiled, and not
+Judges the traces in this process as ``safestage score`` does, by all rules and by the assigned ones, and
+compares the kernels that Python called with those in ``kernel_signatures.json``; with ``--write``, adds
+what is missing there and removes kernels that are no longer there. Run it twice where kernels were changed: a kernel that is compiled, and not
 loaded, brings along those that it calls.
 """
 
@@ -19,7 +19,11 @@ from typing import Any
 from safestage_eval._process import compiled
 from safestage_eval._process.kernel_folder import SIGNATURES, read_signatures
 from safestage_eval._process.kernel_types import to_json
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.audit.audit_scores import look
+from safestage_eval.formats import discover
+from safestage_eval.rules import builtin_names
+from safestage_eval.run.score_many import score_many
+from safestage_eval.run.settings import load_settings
 
 Signatures = dict[str, dict[str, list[Any]]]
 
@@ -82,12 +86,15 @@ def main() -> None:
     parser.add_argument("traces", nargs="+", type=Path)
     parser.add_argument("--write", action="store_true")
     args = parser.parse_args()
-    scores = score_paths(args.traces, jobs=1)
+    refs = discover(args.traces)
+    for assigned in (False, True):
+        settings = load_settings(builtin_names(), assigned_only=assigned).copy_with(look=look)
+        score_many(refs, settings=settings, jobs=1)
     known = read_signatures() if SIGNATURES.exists() else {}
     new = missing(known, called())
     for module, name, types in new:
         print(f"not listed: {module}.{name} {json.dumps(types)}")
-    print(f"{len(scores.results)} episodes; {len(new)} signatures are not listed")
+    print(f"{len(refs)} episodes; {len(new)} signatures are not listed")
     if args.write:
         write(merged(known, called()))
 
