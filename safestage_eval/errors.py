@@ -7,6 +7,7 @@ Every message has the same four parts: *where* (file, row, line), *what* is wron
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -28,6 +29,19 @@ def _seen(character: str) -> str:
     if character.isprintable() or unicodedata.category(character) == "Zs":
         return character
     return character.encode("unicode_escape").decode("ascii")
+
+
+def nearest(name: str, among: Iterable[str], least: float = 0.6) -> str:
+    """The name that is probably meant; empty where none is alike enough, 0…1."""
+    from difflib import get_close_matches  # only where something is wrong
+
+    return next(iter(get_close_matches(name, [*among], 1, least)), "")
+
+
+def did_you_mean(name: str, among: Iterable[str], least: float = 0.6) -> str:
+    """``did you mean "x"?``; empty where none is alike enough, 0…1."""
+    near = nearest(name, among, least)
+    return f'did you mean "{near}"?' if near else ""
 
 
 LONGEST = 600

@@ -1,4 +1,6 @@
-"""Numbers of things in words."""
+"""Numbers of things in words, and the first few of many."""
+
+from collections.abc import Sequence
 
 
 def count(number: int, noun: str) -> str:
@@ -6,3 +8,9 @@ def count(number: int, noun: str) -> str:
     if number == 1:
         return f"1 {noun}"
     return f"{number} {noun[:-1]}ies" if noun.endswith("dy") else f"{number} {noun}s"
+
+
+def first_few(names: Sequence[str], most: int) -> str:
+    """``cup, bowl``; of more than so many the first ones: ``cup, bowl and 4 more``."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.scores import Scores as Judged
 from safestage_eval.run.scores import deduplicate, titles
@@ -278,8 +278,6 @@ class Scores:
         return next(r for r in self._judged.results if r.episode_id == ref.episode_id)
 
     def _ref(self, episode: str | None) -> EpisodeRef:
-        from difflib import get_close_matches
-
         judged = {result.episode_id for result in self._judged.results}
         refs = {ref.episode_id: ref for ref in reversed(self._refs) if ref.episode_id in judged}
         if episode in refs:
@@ -287,11 +285,10 @@ class Scores:
         some = [name for name in refs if episode is None or episode in name]
         if len(some) == 1:
             return refs[some[0]]
-        near = get_close_matches(episode or "", refs, 1)
         raise InputError(
             f"episode {episode!r}" if episode is not None else "no episode named",
             f"{len(some)} of {len(refs)} episodes are meant.", "one",
-            f'did you mean "{near[0]}"?' if near else f"name one: {', '.join((some or [*refs])[:5])}",
+            did_you_mean(episode or "", refs) or f"name one: {', '.join((some or [*refs])[:5])}",
         )  # fmt: skip
 
     def _coverage(self) -> str:

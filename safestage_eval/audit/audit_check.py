@@ -9,10 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, Literal, TypeVar
 
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean
 
 from .finding import Defect, Severity
 
@@ -118,10 +117,9 @@ def choose(select: Iterable[str] = (), ignore: Iterable[str] = ()) -> tuple[Chec
         for code in codes:
             mine = {known for known in CHECKS if known.startswith(code.upper())}
             if not mine or not code:
-                near = get_close_matches(code.upper(), CHECKS, 1, 0.0)
                 raise InputError(
                     f"{option} {code}", "no check has a code that begins so.", ", ".join(CHECKS),
-                    f'did you mean "{near[0]}"?' if near else "",
+                    did_you_mean(code.upper(), CHECKS, 0.0),
                 )  # fmt: skip
             chosen_codes |= mine
         return chosen_codes

@@ -87,12 +87,6 @@ def _middle(one: Summary) -> float:
     return float(np.mean([pose[:3] for _, pose in one.start])) if one.start else float("nan")
 
 
-def listed(names: Sequence[str], most: int = 3) -> str:
-    """``a, b, c and 4 more``."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
-
-
 def twins(episodes: Sequence[Summary], limit: float) -> Iterator[tuple[Summary, Summary]]:
     """Pairs in which all bodies were at the same places (m, ``limit``) at the same shares of the time.
 

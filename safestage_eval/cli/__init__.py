@@ -7,10 +7,10 @@ Data goes to stdout, progress and warnings to stderr. Nothing ever prompts.
 from __future__ import annotations
 
 import importlib
-from difflib import get_close_matches
 
 import click
 
+from safestage_eval.errors import did_you_mean
 from safestage_eval.version import __version__
 
 HELP = {
@@ -69,8 +69,7 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Suggest the nearest name for one that does not exist."""
         if args and not args[0].startswith("-") and args[0] not in HELP:
-            near = get_close_matches(args[0], HELP, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(HELP)}."
+            hint = did_you_mean(args[0], HELP) or f"there are {', '.join(HELP)}."
             ctx.fail(f"no command {args[0]!r}: {hint}")
         return super().resolve_command(ctx, args)
 

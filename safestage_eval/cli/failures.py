@@ -7,14 +7,13 @@ import errno
 import gc
 import re
 import sys
-from difflib import get_close_matches
 from io import TextIOWrapper
 
 import click
 
 from safestage_eval._text.line_width import LINE_WIDTH
 from safestage_eval._text.printable import printable_lines
-from safestage_eval.errors import InputError, RuleError, shortened
+from safestage_eval.errors import InputError, RuleError, nearest, shortened
 
 from .terminal import line_width, say, say_lines
 
@@ -80,5 +79,5 @@ def near_choice(error: click.ClickException) -> str:
     if param is None or not isinstance(param.type, click.Choice):
         return ""
     given = re.match(r"'([^']*)' is not one of", error.message)
-    near = get_close_matches(given[1], map(str, param.type.choices), 1) if given else []
-    return f" Did you mean {near[0]!r}?" if near else ""
+    near = nearest(given[1], map(str, param.type.choices)) if given else ""
+    return f" Did you mean {near!r}?" if near else ""

@@ -115,9 +115,8 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
       safestage rules signals clearance
       safestage rules signals --json
     """
-    from safestage_eval.errors import InputError
+    from safestage_eval.errors import InputError, did_you_mean
     from safestage_eval.report.rule_report import explain_vocabulary, vocabulary
-    from safestage_eval.rules.names import nearest
 
     entries = vocabulary()
     by_name = {entry["name"]: entry for entry in entries}
@@ -127,7 +126,7 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
                 name,
                 "no signal or relation has this name.",
                 ", ".join(by_name),
-                nearest(name, by_name),
+                did_you_mean(name, by_name),
             )
     if names:
         entries = [by_name[name] for name in names]

@@ -7,7 +7,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -196,6 +195,8 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
     if matches:
         problem = "several episodes; name one with --episode"
     else:
+        from difflib import get_close_matches
+
         near = get_close_matches(str(episode), ids, 3)
         near = near or [name for name in ids if get_close_matches(str(episode), name.split("."), 1)]
         problem = f"no episode {episode!r}" + (", did you mean" if near else ", but")

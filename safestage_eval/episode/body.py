@@ -8,10 +8,11 @@ quaternions are wxyz and of unit norm.
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from safestage_eval.errors import nearest
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -37,9 +38,8 @@ class Record(BaseModel):
         except ValidationError as error:
             for mistake in error.errors(include_url=False):
                 allowed = re.findall(r"'([^']*)'", mistake.get("ctx", {}).get("expected", ""))
-                near = get_close_matches(str(mistake["input"]), allowed, 1)
-                if near:
-                    error.add_note(f"{mistake['loc'][-1]}: did you mean {near[0]!r}?")
+                if near := nearest(str(mistake["input"]), allowed):
+                    error.add_note(f"{mistake['loc'][-1]}: did you mean {near!r}?")
             raise
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from difflib import get_close_matches
 
 from safestage_eval.episode import Header
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean, nearest
 
 from .discover import aborted
 from .episode_ref import EpisodeRef
@@ -77,12 +76,11 @@ class Selection:
         for name, value in self._where.items():
             if name not in possible:
                 allowed = sorted({"episode_id", *there} - HIDDEN)
-                near = get_close_matches(name, allowed, 1)
                 raise InputError(
                     f"{name}={value}",
                     f"no field {name!r}.",
                     ", ".join(allowed),
-                    f'did you mean "{near[0]}"?' if near else "",
+                    did_you_mean(name, allowed),
                 )
 
     def _none(self, count: int, values: Mapping[str, dict[str, None]]) -> InputError:
@@ -91,8 +89,8 @@ class Selection:
         for name, there in values.items():
             present = sorted(filter(None, there))
             spelt = {text.lower(): text for text in present}
-            similar = get_close_matches(self._where[name].lower(), spelt, 1)
-            near += [f'"{name}={spelt[text]}"' for text in similar]
+            if similar := nearest(self._where[name].lower(), spelt):
+                near.append(f'"{name}={spelt[similar]}"')
             more = f", and {len(present) - SHOWN:,} more" if len(present) > SHOWN else ""
             if present:
                 allowed.append(f"{name} {', '.join(present[:SHOWN])}{more}")

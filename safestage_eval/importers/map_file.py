@@ -39,11 +39,10 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean
 from safestage_eval.rules.diagnostic import Diagnostic, RuleErrors, rendered
 from safestage_eval.rules.files import read_toml
 from safestage_eval.rules.locate import Locations
-from safestage_eval.rules.names import nearest
 
 from .map_tables import (
     BodyColumns,
@@ -114,7 +113,7 @@ def _to_diagnostic(problem: Any, path: str, where: Locations) -> Diagnostic:
         allowed = _allowed(keys[:-1])
         table = ".".join(map(str, keys[:-1])) or "a map file"
         message = f'"{str(keys[-1]).strip()}" is no entry of {table}'
-        fix = nearest(str(keys[-1]), allowed)
+        fix = did_you_mean(str(keys[-1]), allowed)
         return _diagnostic(path, where, spot, "M201", message, ", ".join(allowed), fix)
     message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if message != problem["msg"] and not problem["msg"].startswith("Value error"):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from difflib import get_close_matches
 
 from safestage_eval.episode import Body
+from safestage_eval.errors import nearest
 
 from .account import Account
 from .map_tables import MapFile
@@ -41,9 +41,9 @@ def unused_entries(names: Collection[str], map_: MapFile) -> list[str]:
     said = []
     for entry in dict.fromkeys(map_.body_names):
         if entry not in names and not set(entry) & set("*?["):
-            near = get_close_matches(entry, names, 1)
+            near = nearest(entry, names)
             meant = (
-                f"did you mean [body.{near[0]}]?"
+                f"did you mean [body.{near}]?"
                 if near
                 else f"one of {', '.join(sorted(names)[:12])}"
             )

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Literal
 
+from safestage_eval._text.plural import first_few
+
 from .outcome import OPEN, Outcome
 from .seeds import Seed
 
@@ -130,7 +132,7 @@ def _cells(cells: Sequence[Cell]) -> str:
     return f"{len(cells)} cell{'s' * (len(cells) > 1)}"
 
 
-def _some(cells: Sequence[Cell], most: int = 3) -> str:
-    said = [f"{c.task} seed {c.seed}" + f" ({c.rollouts})" * bool(c.rollouts) for c in cells[:most]]
-    more = [f"and {len(cells) - most} more"] if len(cells) > most else []
-    return ", ".join([*said, *more])
+def _some(cells: Sequence[Cell]) -> str:
+    return first_few(
+        [f"{c.task} seed {c.seed}" + f" ({c.rollouts})" * bool(c.rollouts) for c in cells], 3
+    )

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from safestage_eval._text.plural import count
+from safestage_eval._text.plural import count, first_few
 from safestage_eval.metrics import METRICS, Aggregate, Group, Rate, Rates
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
 from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
@@ -204,8 +204,7 @@ def notes(aggregate: Aggregate) -> list[str]:
             place = " ".join(v for v in names_of(rate.group).values() if v is not None)
             reasons.setdefault(rate.reason, []).append(f"{place} {rate.name}")
     for reason, places in reasons.items():
-        some = ", ".join(places[:3]) + (f" and {len(places) - 3} more" if len(places) > 3 else "")
-        lines.append(f"–: {reason} ({some}).")
+        lines.append(f"–: {reason} ({first_few(places, 3)}).")
     return lines
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
+from safestage_eval._text.plural import first_few
 from safestage_eval._text.printable import printable
 from safestage_eval.metrics.agreement import Agreement, Disagreement, Witness
 from safestage_eval.metrics.confusion import Confusion
@@ -171,7 +172,7 @@ def _notes(agreement: Agreement) -> list[str]:
         if counts
     ]
     notes += [
-        f"{what}: {len(names)}, in no count: {_some(names)}"
+        f"{what}: {len(names)}, in no count: {first_few(names, MOST)}"
         for what, names in (
             ("labelled, but inconclusive or not judged", agreement.undecided),
             ("labels without a result", agreement.only_labels),
@@ -195,11 +196,6 @@ def _notes(agreement: Agreement) -> list[str]:
 
 def _by_stage(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{stage} {number}" for stage, number in counts.items())
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return ", ".join(names[:MOST]) + more
 
 
 def _contrast(one: Disagreement) -> str:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from safestage_eval.episode import Episode, Header, with_header
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 
 from . import build, structure
 from . import syntax as ast
@@ -36,7 +36,7 @@ from .condition_checks import Usage
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, builtin_folder, read_toml
 from .locate import Keys
-from .names import Names, nearest
+from .names import Names
 
 BIND = "bind"
 """The folder of those that come along, among the rules."""
@@ -176,7 +176,7 @@ class _Checker:
                 self._usage.report(
                     "R201", (name,), f'a bind file has no table "{name}"',
                     "[every], [task.NAME], [episode.ID], [body.NAME]",
-                    nearest(name, (*KINDS, EVERY)), key=True,
+                    did_you_mean(name, (*KINDS, EVERY)), key=True,
                 )  # fmt: skip
 
     def entries(self, kind: str) -> dict[str, ast.TaskDef]:

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from safestage_eval._text.plural import first_few
 from safestage_eval.episode import Header
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 
 from . import syntax as ast
-from .names import nearest
 
 PROTECTED = "protected"
 """The role that ``--protect`` binds."""
@@ -90,7 +90,7 @@ def command_binding(
                 f"--assign {wanted}",
                 "no loaded rule has this code.",
                 ", ".join(rules.scoped),
-                nearest(wanted, rules.scoped) or "load its file with --rules",
+                did_you_mean(wanted, rules.scoped) or "load its file with --rules",
             )
         codes |= dict.fromkeys(fitting)
     known = {
@@ -106,7 +106,7 @@ def command_binding(
         if role not in known:
             raise RuleError(
                 option, f'no loaded rule has a role "{role}".', ", ".join(sorted(known)),
-                nearest(role, known),
+                did_you_mean(role, known),
             )  # fmt: skip
         bound[role] = (*bound.get(role, ()), *_parts([bodies]))
     return CommandBinding(tuple(codes), tuple(bound.items()))
@@ -138,12 +138,11 @@ def _no_body(role: str, pattern: str, header: Header) -> RuleError:
     order = {"object": 0, "fixture": 1, "region": 2, "gripper": 3, "robot": 4}
     bodies = sorted(header.bodies, key=lambda body: order[body.kind])
     names = [body.name for body in bodies] + [joint.name for joint in header.joints]
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return RuleError(
         f"--role {role}={pattern}",
         "the trace has no such body that is free for this role."
         if any(sign in pattern for sign in "*?[")
         else "the trace has no such body.",
-        ", ".join(names[:SHOWN]) + more,
-        nearest(pattern, names),
+        first_few(names, SHOWN),
+        did_you_mean(pattern, names),
     )

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval._text.toml_text import from_toml
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 
 from .diagnostic import Diagnostic, RuleErrors
 from .locate import Keys, Locations
-from .names import nearest
 
 BENCHMARKS = "benchmarks"
 """Sub-folder of the built-in rule files that no folder and no default takes in."""
@@ -109,7 +108,7 @@ def find(spec: str | Path) -> list[Path]:
         str(spec),
         "no such rule file.",
         f"a file, a folder, or a built-in name: {', '.join(named)}",
-        nearest(str(spec), named),
+        did_you_mean(str(spec), named),
     )
 
 
@@ -186,7 +185,7 @@ class _Reader:
                         keys,
                         f'it extends "{name}", which is not there',
                         f"a file beside it, or a built-in name: {', '.join(builtin_names())}",
-                        nearest(str(name), [*builtin_names(), *_beside(path)]),
+                        did_you_mean(str(name), [*builtin_names(), *_beside(path)]),
                         key=False,
                     )
                 )

@@ -6,13 +6,12 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 
 from . import syntax as ast
 from .diagnostic import RuleErrors
 from .files import benchmark_names, builtin_names, find
 from .load import load_rules
-from .names import nearest
 from .structure import CODE
 from .uses import Source, sources
 
@@ -41,12 +40,14 @@ def find_rules(wanted: Iterable[str], specs: Sequence[str | Path] = ()) -> list[
             if error.where != name or isinstance(error, RuleErrors):
                 raise
             names = ", ".join([*builtin_names(), *benchmark_names()])
-            near = nearest(name.upper(), [code for code, *_ in list_rules(specs)])
+            near = did_you_mean(name.upper(), [code for code, *_ in list_rules(specs)])
             raise RuleError(
                 name,
                 "no such rule or rule file.",
                 f"a code as in ETS201, a file, or a built-in name: {names}",
-                near or nearest(name, builtin_names()) or "safestage rules show lists all codes",
+                near
+                or did_you_mean(name, builtin_names())
+                or "safestage rules show lists all codes",
             ) from None
         whence = sources([name])
         rules_found += [(rules, rule, whence) for rule in rules.scoped.values()]
@@ -75,7 +76,7 @@ def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
         code,
         f"no such rule in {where}.",
         ", ".join(alike or codes),
-        nearest(code, codes)
+        did_you_mean(code, codes)
         or "safestage rules show lists them all; --rules FILE names the file that declares it",
     )
 

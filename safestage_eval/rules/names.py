@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -199,14 +198,8 @@ def a_dimension(dimension: str) -> str:
     return f"{an(dimension)} ({units})"
 
 
-def nearest(name: str, among: Iterable[str]) -> str:
-    """``did you mean "x"?``, or nothing when no name comes close."""
-    close = difflib.get_close_matches(name, list(among), 1, 0.6)
-    return f'did you mean "{close[0]}"?' if close else ""
-
-
 class Near(NamedTuple):
-    """Stands for what ``nearest`` says: that takes long, and of very many problems few are told."""
+    """Stands for what ``did_you_mean`` says: that takes long, and of very many problems few are told."""
 
     name: str
     among: Iterable[str]

@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 
 from . import parse
 from . import syntax as ast
-from .names import a_dimension, dimension_of, nearest
+from .names import a_dimension, dimension_of
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, str]:
@@ -46,7 +46,7 @@ def setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> ast.Setting
             where,
             f'no loaded rule file has a parameter "{name}".',
             ", ".join(sorted(rules.params)),
-            nearest(name, rules.params),
+            did_you_mean(name, rules.params),
         )
     wanted = dimension_of(rules.params[name])
     allowed = f"{a_dimension(wanted)}; its default is {rules.params[name].text}"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from safestage_eval.errors import did_you_mean
 from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.units import an
@@ -16,7 +17,7 @@ from . import syntax as ast
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
-from .names import Names, Near, a_dimension, dimension_of, nearest
+from .names import Names, Near, a_dimension, dimension_of
 
 Read = tuple[str, str]
 """Kind and name of a definition: ``("state", "moved")``."""
@@ -80,7 +81,7 @@ class References:
     ) -> None:
         """A problem at an entry's value, or at its key."""
         if isinstance(fix, Near):
-            fix = nearest(*fix) if len(self.problems) < SUGGESTED else ""
+            fix = did_you_mean(*fix) if len(self.problems) < SUGGESTED else ""
         self.problems.append(self.file.diagnostic(code, keys, what, allowed, fix, key=key))
 
     def parsed(

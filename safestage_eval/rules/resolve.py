@@ -11,10 +11,9 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 
 from safestage_eval.episode import Header
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, nearest
 
 from . import build
 from . import syntax as ast
@@ -139,8 +138,7 @@ class Binding:
             *rules.rules.values(), *rules.costs.values(), *rules.goals.values()
         ]  # fmt: skip
         used = {name for item in scoped for name, _ in item.roles}
-        near = get_close_matches(role, [name for name in self.roles if name not in used], 1, 0.6)
-        return near[0] if near else ""
+        return nearest(role, [name for name in self.roles if name not in used])
 
     def binds_none(self, code: str, roles: Sequence[str]) -> str:
         """The warning about roles of an assigned rule that no source binds."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from safestage_eval.episode import Body, Header, Joint
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 
 from . import syntax as ast
-from .names import nearest
 
 
 def bodies_of(
@@ -65,7 +64,7 @@ def demand_players(
                     where,
                     f'"{player}" is no body of the trace.',
                     ", ".join(sorted(bodies)),
-                    nearest(player, bodies | joints),
+                    did_you_mean(player, bodies | joints),
                 )
             if player not in bodies and role in of_bodies:
                 raise RuleError(

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean
 from safestage_eval.formats import EpisodeRef
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def misspelt_roles(bind: BindFile | None, rules: RuleSet) -> list[str]:
     every = {} if bind is None or bind.every is None else {"every": bind.every}
     for name, task in ({} if bind is None else {**every, **bind.tasks, **bind.episodes}).items():
         for role, _ in task.roles:
-            near = get_close_matches(role, there, 1, 0.8)
-            if role not in there and near:
-                found[f'{name}: no loaded rule has a role {role}: did you mean "{near[0]}"?'] = None
+            meant = "" if role in there else did_you_mean(role, there, 0.8)
+            if meant:
+                found[f"{name}: no loaded rule has a role {role}: {meant}"] = None
     return [f"{bind.path}: {told}" for told in found] if bind is not None else []

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from safestage_eval.episode import Episode, with_holes
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean
 from safestage_eval.evidence.declare import Options
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
@@ -16,7 +16,6 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
-from safestage_eval.rules.names import nearest
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals import SIGNALS
 
@@ -124,7 +123,10 @@ def _parsed(
     names = [*SIGNALS, *RELATIONS, *declared]
     if call.name not in names:
         raise InputError(
-            expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
+            expression,
+            f"no signal {call.name!r}.",
+            ", ".join(names),
+            did_you_mean(call.name, names),
         )
     spec = SIGNALS.get(call.name)
     arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
@@ -145,7 +147,10 @@ def _body(episode: Episode, argument: str, expression: str, joints: bool) -> str
         )
     names = [*episode.header.roles, *episode.bodies, *named, "robot", "gripper"]
     raise InputError(
-        expression, f"no role or body {argument!r}.", ", ".join(names), nearest(argument, names)
+        expression,
+        f"no role or body {argument!r}.",
+        ", ".join(names),
+        did_you_mean(argument, names),
     )
 
 

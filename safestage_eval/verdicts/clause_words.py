@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from safestage_eval._text.plural import first_few
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules import words
 from safestage_eval.units import format_quantity
@@ -60,7 +61,7 @@ def condition(evaluator: Evaluator, what: ast.Alternative, envs: Sequence[Env]) 
     bodies = {
         role: dict.fromkeys(env[role] for env in envs) for role in envs[0] if mentions(what, role)
     }
-    return f"{text} ({'; '.join(f'{role}: {_listed([*names])}' for role, names in bodies.items())})"
+    return f"{text} ({'; '.join(f'{role}: {first_few([*names], MOST)}' for role, names in bodies.items())})"
 
 
 def with_bodies(node: Any, env: Env, evaluator: Evaluator) -> Any:
@@ -80,9 +81,3 @@ def with_bodies(node: Any, env: Env, evaluator: Evaluator) -> Any:
     return replace(
         node, **{name: with_bodies(getattr(node, name), env, evaluator) for name in names}
     )
-
-
-def _listed(names: Sequence[str]) -> str:
-    """``cup, bowl``; of many the first few and the number of the others."""
-    more = len(names) - MOST
-    return ", ".join(names[:MOST]) + (f" and {more} more" if more > 0 else "")

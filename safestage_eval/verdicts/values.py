@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from typing import NamedTuple
 
 from safestage_eval.episode import Clock, Episode, Lasting, Window
+from safestage_eval.errors import did_you_mean
 from safestage_eval.evidence.declare import Options, OptionValue, Signal
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
@@ -202,9 +202,10 @@ UNDECLARED = "no rule file declares the material "
 
 def undeclared(material: str, player: str, rules: ast.RuleSet) -> str:
     """The note on a body whose material has no row: the default row holds for it."""
-    near = get_close_matches(material, rules.materials, 1, 0.75)
-    meant = f', did you mean "{near[0]}"?' if near else ""
-    return f'{UNDECLARED}"{material}" of {player}: default values hold{meant}'
+    meant = did_you_mean(material, rules.materials, 0.75)
+    return ", ".join(
+        [f'{UNDECLARED}"{material}" of {player}: default values hold', *filter(None, [meant])]
+    )
 
 
 def ends_early(episode: Episode) -> bool:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, did_you_mean
 from safestage_eval.rules import RuleSet, parse_overrides
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.names import nearest
 from safestage_eval.rules.syntax import amount
 from safestage_eval.units import DIMENSIONS, unit_of
 
@@ -32,7 +31,7 @@ def chosen(
             f"--param {param}",
             "no loaded rule file declares it.",
             ", ".join(sorted(rules.params)),
-            nearest(param, rules.params),
+            did_you_mean(param, rules.params),
         )
     values = []
     for text in filter(None, map(str.strip, texts)):

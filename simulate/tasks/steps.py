@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Mapping
 from functools import cache
@@ -10,6 +9,7 @@ from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
+from safestage_eval.errors import did_you_mean
 from simulate.catalogue.objects import Strict
 from simulate.skills import SKILLS
 
@@ -30,8 +30,8 @@ class Step(Strict):
 def check_name(name: str, among: Mapping[str, Any], where: str) -> None:
     """Raise ValueError, with the nearest name that there is, for one that there is not."""
     if name not in among:
-        near = difflib.get_close_matches(name, among, 1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        meant = did_you_mean(name, among)
+        hint = f" ({meant})" if meant else ""
         raise ValueError(f"{where}: no {name!r}{hint}; there are {', '.join(sorted(among))}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 import zlib
 from collections.abc import Iterable
@@ -17,7 +16,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
 from safestage_eval._text.toml_text import from_toml
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, did_you_mean
 from simulate.catalogue.objects import ObjectModel, Strict, catalogue
 
 from .grades import Grade
@@ -225,12 +224,11 @@ def task_named(name: str) -> Task:
         return tasks()[name]
     if name.endswith(".toml"):
         return read_task(Path(name))
-    near = difflib.get_close_matches(name, tasks(), 1)
     raise InputError(
         f"task {name!r}",
         "no such task.",
         ", ".join(tasks()),
-        f"did you mean {near[0]!r}?" if near else "",
+        did_you_mean(name, tasks()),
     )
 
 

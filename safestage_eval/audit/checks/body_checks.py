@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from safestage_eval._text.plural import first_few
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject, defect_of
@@ -118,7 +119,7 @@ def no_shapes(subject: Subject) -> Iterator[Defect]:
     bare = [b.name for b in subject.header.bodies if b.unseen and b.kind in _SHAPED]
     if bare:
         yield Defect(
-            f"{_listed(bare)} {'have' if len(bare) > 1 else 'has'} no shape.",
+            f"{first_few([*map(repr, bare)], 4)} {'have' if len(bare) > 1 else 'has'} no shape.",
             "add collision shapes (geoms), by a map file where they are imported; mass = 0 for mere frames",
             bodies=tuple(bare),
             field="bodies.geoms",
@@ -168,7 +169,7 @@ def no_masses(subject: Subject) -> Iterator[Defect]:
     bare = [body.name for body in subject.objects if body.mass is None]
     if bare:
         yield Defect(
-            f"{_listed(bare)} {'have' if len(bare) > 1 else 'has'} no mass.",
+            f"{first_few([*map(repr, bare)], 4)} {'have' if len(bare) > 1 else 'has'} no mass.",
             "write masses in kg",
             bodies=tuple(bare),
             field="bodies.mass",
@@ -259,14 +260,9 @@ def declared_up(subject: Subject) -> Iterator[Defect]:
     if len(tilted) > 1 and not standing:
         yield Defect(
             f"none of {len(tilted)} objects with an up axis stands upright at the start: "
-            f"{_listed([b.name for b in tilted])}.",
+            f"{first_few([repr(b.name) for b in tilted], 4)}.",
             "declare the axis of the body frame that points up when the object stands",
             "up axes of another convention (y up), or quaternions in another order",
             bodies=tuple(body.name for body in tilted),
             field="bodies.up_axis",
         )
-
-
-def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    return ", ".join(repr(name) for name in names[:4]) + more

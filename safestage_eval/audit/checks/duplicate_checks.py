@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from safestage_eval._text.plural import first_few
 from safestage_eval.audit.audit_check import check
-from safestage_eval.audit.campaign_groups import groups, ids, label, listed, twins
+from safestage_eval.audit.campaign_groups import groups, ids, label, twins
 from safestage_eval.audit.campaign_summary import Campaign, Summary
 from safestage_eval.audit.finding import Defect
 
@@ -71,7 +72,7 @@ def one_id(campaign: Campaign) -> Iterator[Defect]:
         hashes = {one.content_hash for one in some if one.content_hash}
         if len(hashes) > 1:
             yield Defect(
-                f"{len(hashes)} episodes have the id {name}: {listed([one.path for one in some])}.",
+                f"{len(hashes)} episodes have the id {name}: {first_few([one.path for one in some], 3)}.",
                 "give each rollout an id of its own",
                 field="episode_id",
                 episodes=(name,),
@@ -104,7 +105,7 @@ def taken_cells(campaign: Campaign) -> Iterator[Defect]:
         outcomes = "" if len({one.success for one in some}) == 1 else "; their success differs"
         yield Defect(
             f"{len(some)} episodes are rollout {rollout} of {policy} on {task}, seed {seed}: "
-            f"{listed(ids(some))}{outcomes}.",
+            f"{first_few(ids(some), 3)}{outcomes}.",
             "number the rollouts of a seed, or keep one of them",
             field="rollout",
             episodes=ids(some),
@@ -121,7 +122,9 @@ def _twice(some: Sequence[Summary], how: str) -> Defect:
         cause = "the seed has no effect, or a rollout was copied"
     else:
         cause = "a deterministic policy from one initial state, or a copy"
-    named = listed([f"{e.episode_id} [{label((e.policy or '–', e.prompt or '–'))}]" for e in some])
+    named = first_few(
+        [f"{e.episode_id} [{label((e.policy or '–', e.prompt or '–'))}]" for e in some], 3
+    )
     return Defect(
         f"{len(some)} episodes {how}: {named}.",
         "count it once: remove the copies, or vary seed and initial state",

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
+from safestage_eval.errors import nearest
 
 TAGS = frozenset(
     ["fragile", "sharp", "heavy", "hot", "liquid", "electronics", "container", "food", "tool"]
 )
 """Tags that rules ask for, or that are usual."""
-
-
-def _near(name: str, names: Iterable[str], least: float = 0.6) -> str:
-    """The name that is probably meant; empty if none is near."""
-    near = get_close_matches(name, [*names], 1, least)
-    return near[0] if near else ""
 
 
 def _meant(near: str) -> str:
@@ -43,7 +37,7 @@ def role_players(subject: Subject) -> Iterator[Defect]:
         for player in players:
             if player in known:
                 continue
-            missing, near = True, _near(player, known)
+            missing, near = True, nearest(player, known)
             yield Defect(
                 f'role {role} is played by "{player}", which is no body of the trace.',
                 f'write roles.{role} = ["{near}"]' if near else f"name one of: {_some(known)}",
@@ -115,7 +109,7 @@ def materials(subject: Subject) -> Iterator[Defect]:
     known = {*subject.rules.materials} - {"default"}
     for body in subject.header.bodies:
         name = body.material
-        near = "" if name is None or name in known else _near(name, known, 0.75)
+        near = "" if name is None or name in known else nearest(name, known, 0.75)
         if near:
             yield Defect(
                 f'{body.name!r} is of "{name}", a material without a row in the loaded rules.',
@@ -141,7 +135,7 @@ def tags(subject: Subject) -> Iterator[Defect]:
     known = {*TAGS, *(tag for tag in required if tag)}
     for body in subject.header.bodies:
         for tag in body.tags:
-            near = "" if tag in known else _near(tag, known, 0.8)
+            near = "" if tag in known else nearest(tag, known, 0.8)
             if near:
                 yield Defect(
                     f'{body.name!r} is tagged "{tag}", which no rule asks for.',
@@ -168,7 +162,7 @@ def unknown_rules(subject: Subject) -> Iterator[Defect]:
     for code in codes:
         if code in known:
             continue
-        near = _near(code, known, 0.7)
+        near = nearest(code, known, 0.7)
         yield Defect(
             f"{code} is assigned, but no loaded rule file has it.",
             f"write {near}, or load the file that has {code} with --rules"
@@ -191,7 +185,7 @@ def unknown_rules(subject: Subject) -> Iterator[Defect]:
 def parameters(subject: Subject) -> Iterator[Defect]:
     """Looks parameters and the goal up in the loaded rules; only near misses of parameters count."""
     for name in subject.header.parameters:
-        near = "" if name in subject.rules.params else _near(name, subject.rules.params, 0.8)
+        near = "" if name in subject.rules.params else nearest(name, subject.rules.params, 0.8)
         if near:
             yield Defect(
                 f'no loaded rule file has a parameter "{name}".',
@@ -201,7 +195,7 @@ def parameters(subject: Subject) -> Iterator[Defect]:
             )
     goal = subject.header.goal
     if isinstance(goal, str) and goal not in subject.rules.goals:
-        near = _near(goal, subject.rules.goals)
+        near = nearest(goal, subject.rules.goals)
         yield Defect(
             f'no loaded rule file has a goal "{goal}": success is not recomputed.',
             f'write goal = "{near}"' if near else "load the file that declares it with --rules",

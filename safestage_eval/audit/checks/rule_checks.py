@@ -6,6 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
+from safestage_eval._text.plural import first_few
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
@@ -152,7 +153,7 @@ def unassigned(subject: Subject) -> Iterator[Defect]:
             decided.append(rule.code)
     says = [f"{len(decided)} of the loaded rules can be decided" + _among(decided)]
     says += [f"{unbound} need roles that are not bound"] if unbound else []
-    says += [f"{_listed(codes)} cannot: {cause}" for cause, codes in lacking.items()]
+    says += [f"{first_few(codes, 6)} cannot: {cause}" for cause, codes in lacking.items()]
     yield Defect(
         f"no rule is assigned. {'; '.join(says)}.",
         choose,
@@ -161,9 +162,4 @@ def unassigned(subject: Subject) -> Iterator[Defect]:
 
 
 def _among(codes: Sequence[str]) -> str:
-    return f": {_listed(codes)}" if codes else ""
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
-    return ", ".join(names[:6]) + more
+    return f": {first_few(codes, 6)}" if codes else ""

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import combinations
 
-from safestage_eval._text.plural import count
+from safestage_eval._text.plural import count, first_few
 from safestage_eval.audit.audit_check import check
-from safestage_eval.audit.campaign_groups import groups, ids, label, listed, policies
+from safestage_eval.audit.campaign_groups import groups, ids, label, policies
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
 from safestage_eval.metrics.interval import wilson
@@ -117,7 +117,7 @@ def other_horizons(campaign: Campaign) -> Iterator[Defect]:
         )
         if len(given) > 1:
             horizons = "; ".join(
-                f"{seconds:g} s for {listed(sorted({of.policy or '–' for of in episodes}))}"
+                f"{seconds:g} s for {first_few(sorted({of.policy or '–' for of in episodes}), 3)}"
                 for seconds, episodes in sorted(given.items())
             )
             rare = min(given.values(), key=len)

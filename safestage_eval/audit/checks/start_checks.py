@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from safestage_eval._text.plural import first_few
 from safestage_eval.audit.audit_check import check
-from safestage_eval.audit.campaign_groups import OTHER, alike, apart, groups, ids, label, listed
+from safestage_eval.audit.campaign_groups import OTHER, alike, apart, groups, ids, label
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
 
@@ -36,7 +37,7 @@ def repeated_starts(campaign: Campaign) -> Iterator[Defect]:
         yield Defect(
             f"task {task or '–'}, {label((policy or '–', prompt or '–'))}: {len(one_each)} seeds "
             f"begin in {len(one_each) - repeated} different states; seeds "
-            f"{listed([*map(str, seeds)])} begin in the same one.",
+            f"{first_few([*map(str, seeds)], 3)} begin in the same one.",
             "let the seed choose the initial state, or count these rollouts as repetitions of one seed",
             "the seed does not reach the environment, or a reset restores one stored state",
             field="seed",
