@@ -53,6 +53,11 @@ class Cameras:
 
     def images(self) -> dict[str, Image]:
         """The current picture of each camera."""
+        self._pose()
+        return {name: self._image(camera) for name, camera in self._ids.items()}
+
+    def _pose(self) -> None:
+        """Put the world's present state into what is drawn."""
         model, now, world = self._model, self._now, self._world
         self._context.make_current()
         for name, body in world.body_id.items():  # fixed ones are put in place by their world
@@ -64,7 +69,6 @@ class Cameras:
         mujoco.mj_comPos(model, now)
         mujoco.mj_camlight(model, now)
         mujoco.mj_tendon(model, now)
-        return {name: self._image(camera) for name, camera in self._ids.items()}
 
     def _image(self, camera: int) -> Image:
         view = mujoco.MjvCamera()
@@ -76,6 +80,32 @@ class Cameras:
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(out, None, self._rect, self._target)
         return np.ascontiguousarray(out[::-1])
+
+    def shown(self, name: str) -> dict[str, int]:
+        """Object → pixels that it has in a camera's picture now; none for what is hidden."""
+        flags = self._scene.flags
+        kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
+        before = [int(flags[kind]) for kind in kinds]
+        for kind in kinds:
+            flags[kind] = 1
+        try:
+            self._pose()
+            image = self._image(self._ids[name])
+        finally:
+            for kind, flag in zip(kinds, before, strict=True):
+                flags[kind] = flag
+        ids, counts = np.unique(image.astype(np.int64) @ [1, 256, 65536] - 1, return_counts=True)
+        owners = {self._model.body(n).id: n for n in self._world.objects}
+        out: dict[str, int] = {}
+        for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
+            if not 0 <= number < self._scene.ngeom:  # others are blends of two at an outline
+                continue
+            geom = self._scene.geoms[number]
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                owner = owners.get(int(self._model.geom_bodyid[geom.objid]))
+                if owner is not None:
+                    out[owner] = out.get(owner, 0) + count
+        return out
 
     def close(self) -> None:
         """Give the graphics context back."""

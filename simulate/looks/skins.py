@@ -189,7 +189,13 @@ def _bottom(model: ObjectModel) -> Shape | None:
         middle = shape.position[:2] == (0.0, 0.0) and shape.orientation == (1.0, 0.0, 0.0, 0.0)
         top, low = shape.position[2] + shape.size[-1], shape.position[2] - shape.size[-1]
         fits = shape.kind == "cylinder" and abs(shape.size[0] - ring.radius) < 0.008
-        if middle and fits and low <= foot + 1e-9 and top - foot < 0.03 and shape.color is None:
+        if (
+            middle
+            and fits
+            and low <= foot + 1e-9
+            and -1e-3 < top - foot < 0.03
+            and shape.color is None
+        ):
             return shape
     return None
 
