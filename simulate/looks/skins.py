@@ -21,6 +21,10 @@ SOFT = 0.4
 """Share of its smaller half side by which a bar of soap or a toy is rounded."""
 
 
+GRAIN = 0.15
+"""m that a texture is wide on a level disc."""
+
+
 @dataclass(frozen=True)
 class Finish:
     """How light falls on a material: MuJoCo's specular and shininess, opacity, emission, each 0 … 1."""
@@ -95,6 +99,8 @@ def skin(name: str, model: ObjectModel, color: Color | None = None) -> tuple[Par
         rng = _generator(name, i)
         opaque = shape.color is not None and finish.opacity < 1
         shell = _shell(shape, model)
+        if shape.kind == "cylinder" and (i > 0 or name not in ROUND):
+            shell = _flat_ends(shell)
         paint = as_texture(_paint(name, model, i, seen, rng, painted=color is not None))
         parts.append(
             Part(shell, paint, Finish(finish.specular, finish.shininess) if opaque else finish)
@@ -139,6 +145,15 @@ def _shell(shape: Shape, model: ObjectModel) -> Shell:
     else:
         shell = ellipsoid(s if shape.kind == "ellipsoid" else (s[0],) * 3)
     return shell.moved(shape.position, shape.orientation)
+
+
+def _flat_ends(shell: Shell) -> Shell:
+    """The same with the texture laid flat over level discs, where it would run to the middle."""
+    level = np.abs(shell.normals[:, 2]) > 0.999
+    inside = np.unique(shell.faces[level[shell.faces].all(axis=1)])
+    uv = shell.uv.copy()
+    uv[inside] = shell.vertices[inside, :2] / GRAIN
+    return replace(shell, uv=uv)
 
 
 def _neck(shape: Shape, model: ObjectModel) -> float | None:
