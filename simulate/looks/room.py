@@ -37,9 +37,9 @@ MIDDLE = 0.6
 
 TABLES: tuple[tuple[Surface, Color, Finish], ...] = (
     (wood, (0.82, 0.7, 0.53), Finish(0.15, 0.3)),
-    (wood, (0.36, 0.25, 0.17), Finish(0.2, 0.4)),
+    (wood, (0.47, 0.34, 0.24), Finish(0.2, 0.4)),
     (laminate, (0.86, 0.85, 0.82), Finish(0.2, 0.3)),
-    (laminate, (0.32, 0.33, 0.36), Finish(0.15, 0.3)),
+    (laminate, (0.44, 0.46, 0.49), Finish(0.15, 0.3)),
     (cloth, (0.55, 0.6, 0.66), Finish(0.0, 0.0)),
     (brushed, (0.7, 0.71, 0.73), Finish(0.4, 0.5)),
 )
