@@ -48,8 +48,8 @@ class Mounted:
 RESOLUTION = (1280, 720)
 """Pixels: width, height, of all DROID's cameras."""
 ZED_2_FOVY = 68.6
-"""deg, vertical, of a ZED 2's rectified picture of 1280 × 720: its factory calibrations have focal
-lengths about 528 pixels, and 2 atan(360 / 528) = 68.6°. (RoboLab has 71.5°, of the lens without
+"""deg, vertical, of a ZED 2's rectified picture of 1280 × 720: a published factory calibration has a focal
+length of 528.3 pixels, and 2 atan(360 / 528.3) = 68.6°. (RoboLab has 71.5°, of the lens without
 rectification: 3.024 mm behind 2.1 mm.)"""
 OUTSIDE = {
     "exterior_left": Mounted((0.05, 0.57, 0.66), (-0.393, -0.195, 0.399, 0.805), ZED_2_FOVY),
@@ -59,8 +59,8 @@ OUTSIDE = {
 adjust) as RoboLab places them (``robolab/variations/camera.py``). The third, a ZED Mini on the wrist, is
 of the arm's own model: 56.7°, where Stereolabs give 54° for 1280 × 720."""
 SHIFT, TURN = 0.03, 2.0
-"""m along each axis and deg about each, by which an outer camera's place varies at most. Labs of DROID
-move theirs by tens of centimetres: this is a mount set up anew, not another lab."""
+"""m along each axis and deg about each, by which an outer camera's place varies at most: a mount set up
+anew. DROID's published extrinsics (one pose per camera and episode) were not sampled."""
 
 
 def outside_cameras(look: tuple[int, ...]) -> dict[str, Mounted]:
