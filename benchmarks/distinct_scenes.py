@@ -71,7 +71,8 @@ def _distances(task: Task, names: Sequence[str]) -> NDArray[np.float64]:
     still = {n: p.model_copy(update={"jitter": type(p.jitter)()}) for n, p in task.objects.items()}
     layout = task.model_copy(update={"objects": still}).layout(0)
     at = np.array([layout[name][0][:2] for name in names])
-    return np.sqrt(((at[:, None] - at[None]) ** 2).sum(axis=2))
+    apart: NDArray[np.float64] = np.linalg.norm(at[:, None] - at[None], axis=2)
+    return apart
 
 
 def main() -> None:
