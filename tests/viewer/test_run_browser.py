@@ -1,6 +1,7 @@
 """The run browser in a real one: from files as they are forwarded, and from its server; by mouse and by keyboard."""
 
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from test_run_report import drawn, made_of, row
 from safestage_eval.episode import Geom
 from safestage_eval.formats import discover, save
 from safestage_eval.run.settings import load_settings
+from safestage_eval.units import DIMENSIONS, format_quantity, in_unit, unit_of
+from safestage_eval.viewer import run_report
 from safestage_eval.viewer.live_run import LiveRun
 from safestage_eval.viewer.run_report import prepared, report_page, write_folder
 from safestage_eval.viewer.run_server import RunServer
@@ -31,6 +34,8 @@ require = { "clearance(target, protected)" = ">= 8 cm" }
 explain = "{target} came too close to {protected}: {value}."
 """
 
+HOME = Path(run_report.__file__).parent / "browser"
+"""Its JavaScript modules."""
 EVIL = "<img src=x onerror=\"document.title='broken in'\">"
 
 
@@ -419,6 +424,25 @@ def test_pictures_on_paper_are_light_under_a_dark_screen(tab, written):  # noqa:
     )
     assert all(bright > 0.5 for bright, _ in shares), shares
     assert all(ink > 100 for _, ink in shares), shares
+
+
+def test_numbers_are_those_of_every_report(tab):  # noqa: F811
+    """The page writes a quantity as the sentence of the verdict does."""
+    shown = [
+        (dimension, value)
+        for dimension in DIMENSIONS
+        if unit_of(dimension)
+        for value in (0.0, 0.0004, 0.0263, 1.0, 135.2345, -47.7549)
+    ]
+    source = (HOME / "elements.js").read_text("utf-8")
+    told = tab.evaluate(
+        """async ([source, given]) => {
+            const { amount } = await import("data:text/javascript," + encodeURIComponent(source));
+            return given.map(([value, unit]) => amount(value, unit).replace("−", "-"));
+        }""",
+        [source, [(in_unit(value, dimension), unit_of(dimension)) for dimension, value in shown]],
+    )
+    assert told == [format_quantity(value, dimension) for dimension, value in shown]
 
 
 def test_the_task_table_shows_the_rate_that_is_chosen(tab, listed):  # noqa: F811

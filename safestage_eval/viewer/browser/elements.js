@@ -17,13 +17,18 @@ export const spoken = (name) => (name ?? "").toString().replaceAll("_", " ");
 
 export const seconds = (time) => `${time.toFixed(2).replace("-", "−")} s`;
 
-/** A number with its unit, in three digits. */
+/** Decimals of units that have not one, as in every report (safestage_eval/units.py). */
+const DECIMALS = { "N": 2, "N m": 2, "s": 2, "m/s^2": 2, "rad/s^2": 2, "m^2/s^5": 2, "rad^2/s^5": 2, "cm s": 2, "W": 2, "K/s": 2, "rad/s": 3, "N s": 3, "1/s": 3 };
+
+/** A number with its unit as reports print it: below 1 mm in mm. */
 export function amount(value, unit) {
   if (value === null || value === undefined) return "–";
-  const size = Math.abs(value);
-  const text = size >= 100 ? value.toFixed(0) : size >= 1 || size === 0 ? value.toFixed(1) : value.toPrecision(2);
-  return `${text.replace("-", "−")}${unit ? ` ${unit}` : ""}`;
+  if (unit === "cm" && value !== 0 && Math.abs(value) < 0.1) return `${withMinus((10 * value).toFixed(2))} mm`;
+  const text = unit ? value.toFixed(DECIMALS[unit] ?? 1) : Number(value.toPrecision(6)).toString();
+  return `${withMinus(text)}${unit ? ` ${unit}` : ""}`;
 }
+
+const withMinus = (text) => text.replace("-", "−");
 
 /** The sign and word of a verdict; null says that nobody judged. */
 export function badge(verdict, severity = null) {
