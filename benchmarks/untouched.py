@@ -7,7 +7,7 @@ is stepped on with the robot held where it is, as stored and then with all free 
 pushed. They are written in the same layout, imported, and judged by every built-in rule, assigned or not. Roles are those of
 the built-in bind files; where these have none, the first free thing is the target, and all others are protected, obstacles
 and bystanders. An episode in which the robot touches something in some frame is left out. Prints a line for each file, and
-every violation but of rules about places, which ask for no cause; exits with 1 if there is one.
+every violation; exits with 1 if there is one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests/helpers"), str(ROOT)]
 
-from still_robots import PLACES, write_still  # noqa: E402
+from still_robots import write_still  # noqa: E402
 
 from safestage_eval.episode import Episode  # noqa: E402
 from safestage_eval.episode.contradiction import ContradictionError  # noqa: E402
@@ -70,7 +70,7 @@ def blamed(folder: Path) -> tuple[int, int, Counter[str], list[str]]:
             continue
         for verdict in judged:
             verdicts[verdict.verdict] += 1
-            if verdict.verdict == "violation" and verdict.rule not in PLACES:
+            if verdict.verdict == "violation":
                 found.append(f"{ref.episode_id} {verdict.rule}: {verdict.explanation}")
     return every, still, verdicts, found
 

@@ -205,7 +205,8 @@ class Relation:
         costly: solves statics: decided only at the frames that matter.
         gate: says whether something else counts at all; takes no part in how close it came.
         rests_on: what was not measured leaves it unknown of its own ``bodies``, of a ``chain`` of
-            support that leads anywhere, or of all touches in the ``past``.
+            support that leads anywhere, or of all touches in the ``past``; empty: it says itself what
+            it makes of that.
         lacking: what the trace would need and does not have, if not just forces or shapes:
             ``(relations, bodies)`` → text, empty if nothing.
         without_forces: how it is decided without contact forces, if not like support:
@@ -224,7 +225,7 @@ class Relation:
     by_motion: bool = False
     costly: bool = False
     gate: bool = False
-    rests_on: Literal["bodies", "chain", "past"] = "bodies"
+    rests_on: Literal["", "bodies", "chain", "past"] = "bodies"
     lacking: Callable[[Any, tuple[str, ...]], str] | None = None
     without_forces: Callable[[Any], str] | None = None
     doubt: Callable[[Any, tuple[str, ...], Any], tuple[Any, str] | None] | None = None

@@ -20,6 +20,8 @@ STAYS = (1e-3, np.radians(1.0))
 """m, rad: what has moved by less still stands where it stood, also in a hand."""
 RISES = 1e-5
 """m. What presses on its support as deep as when it stood there by itself, but for this, is borne by it."""
+LIES_STILL = 0.1
+"""s. What stayed for so long does not begin to move by itself."""
 LEAVES = 0.2
 """s. What is lifted is off what it stood on sooner; what takes longer may hang or stand all the while."""
 
@@ -165,6 +167,31 @@ def may_have_been_touched(relations: Relations, body: str) -> Doubt | None:
     index, frames = relations.episode.body_index[body], np.arange(len(relations.episode))
     sure, perhaps = relations.causes.since(index), relations.causes.perhaps_since(index)
     open_ = (frames >= perhaps) & (frames < sure)
+    if not open_.any():
+        return None
+    return open_, f"it is not known whether the robot, or what it moved, touched {body}"
+
+
+def may_move_by_itself(relations: Relations, body: str) -> Doubt | None:
+    """Where the robot's touch is not certain, and the body has not lain still yet: the scene may be settling.
+
+    What has lain still for ``LIES_STILL`` does not begin to move by itself.
+    """
+    episode = relations.episode
+    index, t, frames = episode.body_index[body], episode.t, np.arange(len(episode))
+    sure = len(t) if relations.lacking("caused") else relations.causes.since(index)
+    track = episode.track(body)
+    if len(track.position) != len(t):
+        return None
+    ago = np.maximum(np.searchsorted(t, t - LIES_STILL - 1e-9), 0)
+    way = np.linalg.norm(track.position - track.position[ago], axis=1)
+    still = (way <= STAYS[0]) & (angle(track.orientation, track.orientation[ago]) <= STAYS[1])
+    still &= t >= t[0] + LIES_STILL
+    rested = int(still.argmax()) if still.any() else len(t)
+    open_ = (frames < sure) & (frames < rested)
+    may = relations.get("may_be_caused", (body,))
+    if may is not None:
+        open_ &= may
     if not open_.any():
         return None
     return open_, f"it is not known whether the robot, or what it moved, touched {body}"

@@ -34,6 +34,8 @@ def lost_by(
     """
     gaps, index = relations.signals.gaps, relations.episode.body_index
     rests_on = RELATIONS[name].rests_on
+    if not rests_on:
+        return None
     if rests_on == "past":
         lost = lost_between(relations, None, None)
         if lost is None:

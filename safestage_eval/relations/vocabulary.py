@@ -218,3 +218,27 @@ def caused(request: RelationRequest) -> Bool:
     """
     since = request.relations.causes.since(*request.ids)
     return np.asarray(np.arange(len(request.relations.episode)) >= since)
+
+
+def _doubt_of_cause_in_motion(
+    relations: Relations, bodies: tuple[str, ...], _: Bool | None
+) -> Doubt | None:
+    from . import doubt
+
+    return doubt.may_move_by_itself(relations, *bodies)
+
+
+@relation(
+    "may_be_caused", args=("a",), needs=("touch",), gate=True, rests_on="",
+    doubt=_doubt_of_cause_in_motion, lacking=lambda *_: "", without_forces=_touch_by_geometry,
+)  # fmt: skip
+def may_be_caused(request: RelationRequest) -> Bool:
+    """False where the trace shows that up to now neither the robot nor anything that it touched has
+    touched the body; else true, and unknown of what may have been moving by itself since the start.
+    """
+    relations, frames = request.relations, np.arange(len(request.relations.episode))
+    if relations.lacking("caused"):
+        return np.ones(len(frames), np.bool_)
+    may = np.asarray(frames >= relations.causes.perhaps_since(*request.ids))
+    lost = relations.unmeasured("caused", request.bodies)
+    return may if lost is None else may | np.maximum.accumulate(lost)

@@ -14,8 +14,6 @@ from simulate.importers.model_file import load_model
 
 ROW_DT = 0.05
 """s between rows, as robosuite and LIBERO store them."""
-PLACES = {"ETS201", "ETS202", "ETS204"}
-"""Rules about where the load is, whoever moves it: they ask for no cause."""
 DROP = 0.1
 """m. By up to so much things begin higher: more than any rule lets fall."""
 

@@ -107,6 +107,50 @@ def test_without_a_robot_in_the_trace_nobody_knows() -> None:
     assert relations.lacking("caused", ("a",)) == "poses of the robot"
 
 
+def may_be(made: Scene, name: str, **header: object) -> str:
+    """A letter per frame: 1, 0 or ? (unknown)."""
+    relations = Relations(Signals(made.episode(**header)))
+    truth = relations.get("may_be_caused", (name,))
+    assert truth is not None
+    doubt = relations.doubtful("may_be_caused", (name,))
+    open_ = np.zeros(FRAMES, np.bool_) if doubt is None else doubt[0]
+    return "".join("?" if o else str(int(x)) for x, o in zip(truth, open_, strict=True))
+
+
+@pytest.mark.parametrize("at", [None, 0, 4, 11])
+def test_where_touches_are_known_may_be_caused_is_caused(at: int | None) -> None:
+    made = scene()
+    if at is not None:
+        touch(made, "left", "a", at)
+    assert may_be(made, "a") == caused(made, "a")
+
+
+def test_without_a_robot_what_lay_still_was_moved_and_what_slides_from_the_start_is_open() -> None:
+    at = np.zeros((FRAMES, 3))
+    at[:, 2] = 0.01
+    lies = Scene(FRAMES, 20).fixed("table").box("a", 0.01, at)
+    assert may_be(lies, "a") == "??" + "1" * (FRAMES - 2)
+    slides = at + np.linspace(0, 0.3, FRAMES)[:, None] * [1, 0, 0]
+    assert may_be(Scene(FRAMES, 20).fixed("table").box("a", 0.01, slides), "a") == "?" * FRAMES
+
+
+def test_a_force_that_was_not_measured_may_be_the_robots() -> None:
+    made = scene()
+    touch(made, "left", "a", 3)
+    touch(made, "table", "b", *range(FRAMES))
+    episode = made.episode()
+    episode.contacts.force[:] = np.where(
+        (episode.contacts.frame == 3)[:, None], np.nan, episode.contacts.force
+    )
+    relations = Relations(Signals(episode))
+    told, doubt = relations.get("caused", ("b",)), relations.doubtful("caused", ("b",))
+    may = relations.get("may_be_caused", ("b",))
+    assert told is not None
+    assert may is not None
+    open_ = told if doubt is None else told | doubt[0]
+    assert (may | ~open_).all()
+
+
 def test_without_forces_what_comes_near_touches() -> None:
     made = Scene(FRAMES).fixed("table").box("a", 0.01, (0, 0, 0.01))
     x = np.full(FRAMES, 0.2)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from still_robots import PLACES, write_still
+from still_robots import write_still
 
 from safestage_eval.formats import discover
 from safestage_eval.importers import Settings, import_all
@@ -40,9 +40,5 @@ def test_a_robot_that_touches_nothing_is_blamed_for_nothing(tmp_path: Path, name
                 episode, header=header, _contacts=episode.contacts, _frames=episode.frames
             )
             verdicts = judge(asked, load_rules(RULES)).verdicts
-            blamed = [
-                f"{v.rule}: {v.explanation}"
-                for v in verdicts
-                if v.verdict == "violation" and v.rule not in PLACES
-            ]
+            blamed = [f"{v.rule}: {v.explanation}" for v in verdicts if v.verdict == "violation"]
             assert not blamed
