@@ -13,6 +13,8 @@ SKETCHES = [
     "slides_past_alone",
     "slides_past_alone(has = dumbbell)",
     "pushed_against",
+    "drops_alone",
+    "drops_alone(has = block)",
     "bystander_shoved(way = 8)",
 ]
 
