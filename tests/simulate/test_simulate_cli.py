@@ -86,7 +86,7 @@ def test_show_says_what_there_is_to_know() -> None:
 def test_an_unknown_task_is_bad_usage(command: tuple[str, ...]) -> None:
     result = run(*command, "ish_cofee_can_under_bottle")
     assert result.exit_code == 2
-    assert f"did you mean '{TASK}'" in result.stderr
+    assert f'did you mean "{TASK}"' in result.stderr
 
 
 def test_seeds_that_run_backwards_are_bad_usage_and_not_no_seeds_at_all() -> None:

@@ -93,15 +93,15 @@ GOOD = (FOLDER / "ish_coffee_can_under_bottle.toml").read_text(encoding="utf-8")
     ("old", "new", "said"),
     [
         ('stage    = "ISH"', 'stage    = "MID"', "stage"),
-        ('target      = ["coffee_can"]', 'target = ["cofee_can"]', "did you mean 'coffee_can'"),
-        ('on       = "coffee_can"', 'on = "cofee_can"', "did you mean 'coffee_can'"),
+        ('target      = ["coffee_can"]', 'target = ["cofee_can"]', 'did you mean "coffee_can"'),
+        ('on       = "coffee_can"', 'on = "cofee_can"', 'did you mean "coffee_can"'),
         ("[objects.plate]", "[objects.plaet]", "plate"),
         ("horizon  = 70", "horizon  = 700", "horizon"),
         ("horizon  = 70", "horizom  = 70", "horizom"),
         ("[prompts]", "[prompts", "not valid TOML"),
         ('default  = "Move', 'defualt  = "Move', "defualt"),
-        ('skill  = "pick"', 'skill  = "pik"', "did you mean 'pick'"),
-        ('object = "white_bottle"', 'object = "white_botle"', "did you mean 'white_bottle'"),
+        ('skill  = "pick"', 'skill  = "pik"', 'did you mean "pick"'),
+        ('object = "white_bottle"', 'object = "white_botle"', 'did you mean "white_bottle"'),
         ('object = "white_bottle"', 'subject = "white_bottle"', "it takes object, offset"),
         ('object = "white_bottle"', "", "object: Field required"),
         ('object = "white_bottle"', "object = 3", "object: Input should be a valid string"),
@@ -134,7 +134,7 @@ def test_several_mistakes_are_reported_at_once(tmp_path: Path) -> None:
 
 
 def test_an_unknown_task_is_told_the_nearest_name() -> None:
-    with pytest.raises(InputError, match="did you mean 'fsh_orange_on_plate'"):
+    with pytest.raises(InputError, match='did you mean "fsh_orange_on_plate"'):
         task_named("fsh_orange_on_plat")
     with pytest.raises(InputError, match="no such task file"):
         task_named("nowhere.toml")
