@@ -97,18 +97,17 @@ blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of i
 	$(BIN)/safestage sheets draw $(STUDY)/corpus --list $(STUDY)/list.csv --out $(STUDY)/sheets
 
 LEARN ?= build/learn
-learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (PyTorch)
+LEARN_ON ?= cpu
+learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (LEARN_ON=cuda: on a GPU)
 	$(INSTALL) '.[learn]'
 	$(BIN)/safestage record --seeds 0-2 --out $(LEARN)/references
-	for share in 1/3 2/3; do \
-	  $(BIN)/safestage record --seeds 3 --share $$share --policy demonstration:safe \
-	    --policy demonstration:unsafe --out $(LEARN)/demonstrations || true; \
-	done  # what a push made impossible is not recorded, and said
+	$(BIN)/safestage record --seeds 0-5 --policy demonstration:safe \
+	  --policy demonstration:unsafe --out $(LEARN)/demonstrations || true
 	for part in references demonstrations; do \
 	  $(BIN)/safestage learn export $(LEARN)/$$part --out $(LEARN)/dataset/$$part || exit 1; \
-	done
+	done  # what a push made impossible is not recorded, and said
 	for kind in bc act diffusion; do \
-	  $(BIN)/safestage learn train $$kind --data $(LEARN)/dataset/references \
+	  $(BIN)/safestage learn train $$kind --data $(LEARN)/dataset/references --device $(LEARN_ON) \
 	    --data $(LEARN)/dataset/demonstrations --out simulate/learn/checkpoints/$$kind.onnx || exit 1; \
 	done
 
