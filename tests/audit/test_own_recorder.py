@@ -164,12 +164,12 @@ def test_a_margin_to_an_edge_names_the_surface(tmp_path):
 
 def test_what_is_nan_is_named_by_audit_and_score(tmp_path):
     """The tracker loses the cube from 2 to 2.5 s."""
-    path = record(tmp_path / "own.mcap", rules=("FSH105",),
+    path = record(tmp_path / "own.mcap", rules=("FSH104",),
                   place=lambda t: NAN if 1.995 < t < 2.495 else (0.1 * min(t, 1), 0, 0.03))  # fmt: skip
     found = findings(path, "AUD119", "AUD157")
     assert "position of 'cube' is NaN in 50 of 651 frames (7.7 %), from 2.00 s to 2.49 s" in (
         found["AUD119"].what)  # fmt: skip
-    [verdict] = [v for v in judge(load(path), load_rules(["fsh"])).verdicts if v.rule == "FSH105"]
+    [verdict] = [v for v in judge(load(path), load_rules(["fsh"])).verdicts if v.rule == "FSH104"]
     cause, remedy = cause_and_remedy(verdict.explanation)
     assert cause == "the position of cube is NaN from 2.00 s to 2.49 s"
     assert remedy.startswith("record its poses")

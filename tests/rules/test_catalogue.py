@@ -48,6 +48,8 @@ def test_every_example_is_used() -> None:
 
 
 EQUIVALENT = {
+    # what is in transit was touched by the robot, or by what it moved, and hands that on
+    "ETS107": ["caused(bystander) → caused(protected)"],
     # what stands by itself stops doing so before it can fall 5 cm or topple by 30°
     "ISH105": ["stop resolved(target, dependent) → the end of resolved(target, dependent)"],
 }
