@@ -70,7 +70,7 @@ def test_it_says_what_it_is(metadata):
 
 def test_the_sdist_has_no_recordings_and_all_that_a_build_needs(dist):
     (sdist,) = dist.glob("*.tar.gz")
-    assert sdist.stat().st_size < 20e6  # three checkpoints of policies take 8
+    assert sdist.stat().st_size < 30e6  # three checkpoints of policies take 20
     with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {"pyproject.toml", "README.md", "LICENSE", "safestage_eval/py.typed"} <= names

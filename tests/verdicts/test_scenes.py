@@ -32,6 +32,13 @@ def with_hand(scene: Scene) -> Scene:
     return scene
 
 
+def with_finger(scene: Scene) -> Scene:
+    """Two fingers, of which one stands where it touches a box of 10 cm at the origin, at the first frame."""
+    scene.box("finger_left", 0.01, (-0.06, 0, 0.05), kind="gripper", finger="left")
+    scene.box("finger_right", 0.01, (-2, -1, 0.5), kind="gripper", finger="right")
+    return scene.contact("finger_left", "t", (-0.05, 0, 0.05), (3, 0, 0), (1, 0, 0), slice(1))
+
+
 ROLES = {"target": ("t",), "protected": ("p",)}
 
 
@@ -127,9 +134,7 @@ def test_a_slow_push_towards_the_protected_object_is_transit() -> None:
     scene = Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
     scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
     scene.rests("p", "table", 0.05, (0.5, 0, 0), G).rests("t", "table", 0.05, (0, 0, 0), G)
-    scene.box("hand", 0.02, (-1, 0, 0.05), kind="gripper", finger="left")
-    scene.box("thumb", 0.02, (-1, 0, 0.5), kind="gripper", finger="right")
-    found = verdict(scene.episode(roles=ROLES), "ETS201")
+    found = verdict(with_finger(scene).episode(roles=ROLES), "ETS201")
     assert found.verdict == "violation"
     assert found.value == pytest.approx(0.02, abs=1e-3)
 
@@ -141,9 +146,9 @@ def test_without_forces_a_carry_is_judged_by_its_clearance(reach: float, expecte
     """When it was let go is not known; how near it came is."""
     frames = 480
     x = np.clip(np.arange(frames) / 120 * 0.2, 0, reach)
-    scene = with_hand(Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05)))
+    scene = Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
     scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
-    blind = scene.episode(roles=ROLES, force_source="none")
+    blind = with_finger(scene).episode(roles=ROLES, force_source="none")
     assert verdict(blind, "ETS201").verdict == expected
 
 
@@ -244,5 +249,5 @@ def test_a_carry_that_success_cuts_off_is_not_passed(success: float, expected: s
     scene = Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
     scene.box("t", 0.05, np.column_stack([way, 0 * way, 0 * way + 0.05]))
     reached = {} if success is None else {"success": True, "success_time": success}
-    episode = with_hand(scene).episode(roles=ROLES, **reached)
+    episode = with_finger(scene).episode(roles=ROLES, **reached)
     assert verdict(episode, "ETS201").verdict == expected

@@ -152,14 +152,14 @@ def test_a_rule_whose_given_never_held_says_so() -> None:
 
 
 def pushed(reach: float, rate: float = 120.0, frames: int = 360) -> Scene:
-    """A box pushed towards another at 40 cm/s."""
+    """A box pushed towards another at 40 cm/s, by a finger that stays where it touched it first."""
     x = np.clip(np.arange(frames) / rate * 0.4, 0, reach)
     scene = Scene(frames, rate).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
     scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
     scene.rests("p", "table", 0.05, (0.5, 0, 0), G).rests("t", "table", 0.05, (0, 0, 0), G)
-    for side, sign in (("left", 1), ("right", -1)):
-        scene.box(side, 0.01, (-2, sign, 0.5), kind="gripper", finger=side)
-    return scene
+    scene.box("left", 0.01, (-0.06, 0, 0.05), kind="gripper", finger="left")
+    scene.box("right", 0.01, (-2, -1, 0.5), kind="gripper", finger="right")
+    return scene.contact("left", "t", (-0.05, 0, 0.05), (3, 0, 0), (1, 0, 0), slice(1))
 
 
 def scored(scene: Scene, **header) -> EpisodeResult:
