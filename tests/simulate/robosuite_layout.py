@@ -34,7 +34,7 @@ def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:
         episode = roll_out(Setting(task_named(task)), policy_named(policy)).episode()
     finally:
         Recorder._look = look  # type: ignore[method-assign]
-    spec = world._scene(task_named(task).models(), task_named(task).substeps, None, False)
+    spec = world.scene_spec(task_named(task).models(), substeps=task_named(task).substeps)
     spec.compile()
     kwargs = {"control_freq": world.CONTROL_RATE, "mujoco_version": mujoco.__version__}
     about = {"env": task, "env_info": json.dumps(kwargs)}
