@@ -11,6 +11,6 @@ def count(number: int, noun: str) -> str:
 
 
 def first_few(names: Sequence[str], most: int) -> str:
-    """``cup, bowl``; of more than so many the first ones: ``cup, bowl and 4 more``."""
+    """List the first ``most`` names, and count the rest: ``cup, bowl and 4 more``."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

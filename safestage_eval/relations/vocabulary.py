@@ -233,8 +233,9 @@ def _doubt_of_cause_in_motion(
     doubt=_doubt_of_cause_in_motion, lacking=lambda *_: "", without_forces=_touch_by_geometry,
 )  # fmt: skip
 def may_be_caused(request: RelationRequest) -> Bool:
-    """False where the trace shows that up to now neither the robot nor anything that it touched has
-    touched the body; else true, and unknown of what may have been moving by itself since the start.
+    """False while the trace shows that neither the robot, nor anything that it touched, has touched
+    the body; true otherwise, and unknown for a body that has moved since the first frame where
+    touches are not known.
     """
     relations, frames = request.relations, np.arange(len(request.relations.episode))
     if relations.lacking("caused"):

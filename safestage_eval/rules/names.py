@@ -199,7 +199,7 @@ def a_dimension(dimension: str) -> str:
 
 
 class Near(NamedTuple):
-    """Stands for what ``did_you_mean`` says: that takes long, and of very many problems few are told."""
+    """Arguments of a ``did_you_mean`` that is called only for the problems that are shown."""
 
     name: str
     among: Iterable[str]

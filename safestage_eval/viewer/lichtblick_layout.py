@@ -1,11 +1,11 @@
-"""The same layout for Lichtblick, the open continuation of Foxglove Studio, which keeps panels apart from their places."""
+"""Converts a Foxglove layout for Lichtblick, the open-source fork of Foxglove Studio."""
 
 from __future__ import annotations
 
 from typing import Any
 
 TYPES = {"ThreeDee": "3D", "Plot": "Plot", "Log": "RosOut"}
-"""What Foxglove's layouts call a kind of panel, and what Lichtblick's do."""
+"""Type of a panel in Foxglove layouts → in Lichtblick layouts."""
 
 
 def lichtblick_layout(layout: dict[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from simulate.world.describe import body_name
 from simulate.world.world import World
 
 from .drawn_model import drawn_model
-from .graphics import graphics_context
+from .graphics import drawing_ids, graphics_context, ids_of
 
 F64 = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -83,18 +83,10 @@ class Cameras:
 
     def shown(self, name: str) -> dict[str, int]:
         """Object → pixels that it has in a camera's picture now; none for what is hidden."""
-        flags = self._scene.flags
-        kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
-        before = [int(flags[kind]) for kind in kinds]
-        for kind in kinds:
-            flags[kind] = 1
-        try:
+        with drawing_ids(self._scene):
             self._pose()
             image = self._image(self._ids[name])
-        finally:
-            for kind, flag in zip(kinds, before, strict=True):
-                flags[kind] = flag
-        ids, counts = np.unique(image.astype(np.int64) @ [1, 256, 65536] - 1, return_counts=True)
+        ids, counts = np.unique(ids_of(image), return_counts=True)
         owners = {self._model.body(n).id: n for n in self._world.objects}
         out: dict[str, int] = {}
         for number, count in zip(ids.tolist(), counts.tolist(), strict=True):

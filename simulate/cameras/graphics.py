@@ -1,10 +1,16 @@
-"""A place to draw without a screen."""
+"""Drawing without a screen: the OpenGL context, and pictures of ids in place of colours."""
 
 from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 
@@ -27,3 +33,24 @@ def graphics_context(width: int, height: int) -> Any:
             "MUJOCO_GL=egl or MUJOCO_GL=osmesa",
             "apt-get install libegl1 libgl1-mesa-dri libosmesa6",
         ) from error
+
+
+@contextmanager
+def drawing_ids(scene: mujoco.MjvScene) -> Iterator[None]:
+    """Draw each geom of a scene in the colour of its id while the context lasts; see ``ids_of``."""
+    flags = scene.flags
+    kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
+    before = [int(flags[kind]) for kind in kinds]
+    for kind in kinds:
+        flags[kind] = 1
+    try:
+        yield
+    finally:
+        for kind, flag in zip(kinds, before, strict=True):
+            flags[kind] = flag
+
+
+def ids_of(image: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """(H, W) index into the scene's geoms, -1 for none, of a picture (H, W, 3) drawn by ids."""
+    ids: NDArray[np.int64] = image.astype(np.int64) @ np.array([1, 256, 65536]) - 1
+    return ids

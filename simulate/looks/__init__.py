@@ -1,1 +1,1 @@
-"""What only cameras see: a room, light, textures and skins, all computed; nothing here collides."""
+"""Visual-only scenery: room, lights, procedural textures and skins. Nothing here collides."""

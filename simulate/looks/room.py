@@ -43,14 +43,14 @@ TABLES: tuple[tuple[Surface, Color, Finish], ...] = (
     (cloth, (0.55, 0.6, 0.66), Finish(0.0, 0.0)),
     (brushed, (0.7, 0.71, 0.73), Finish(0.4, 0.5)),
 )
-"""What table tops are of: texture, colour, finish."""
+"""Table tops: texture, colour, finish."""
 FLOORS: tuple[tuple[Surface, Color, float], ...] = (
     (planks, (0.6, 0.45, 0.3), 0.8),
     (concrete, (0.55, 0.55, 0.54), 2.0),
     (tiles, (0.74, 0.73, 0.7), 1.2),
     (laminate, (0.42, 0.45, 0.5), 0.5),
 )
-"""What floors are of: texture, colour, m that the texture is wide."""
+"""Floors: texture, colour, width of one texture tile (m)."""
 WALLS: tuple[Color, ...] = (
     (0.86, 0.85, 0.82),
     (0.78, 0.82, 0.84),

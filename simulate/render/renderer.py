@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from safestage_eval._process.closing import Closing
 from safestage_eval.episode import Body, Episode, Geom
-from simulate.cameras.graphics import graphics_context
+from simulate.cameras.graphics import drawing_ids, graphics_context, ids_of
 from simulate.catalogue.objects import REGION_ALPHA, catalogue
 from simulate.looks.room import Look, furnish
 from simulate.world.world import FLOOR_Z, TABLE_CENTRE, TABLE_HALF
@@ -243,17 +243,9 @@ class EpisodeRenderer(Closing):
 
         Without ``robot`` what it hides is seen.
         """
-        flags = self._scene.flags
-        kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
-        before = [int(flags[kind]) for kind in kinds]
-        for kind in kinds:
-            flags[kind] = 1
-        try:
+        with drawing_ids(self._scene):
             image = self.frame(index, camera, shadows=False, robot=robot)
-        finally:
-            for kind, flag in zip(kinds, before, strict=True):
-                flags[kind] = flag
-        ids = image.astype(np.int64) @ [1, 256, 65536] - 1
+        ids = ids_of(image)
         owner = np.full(max(self._scene.ngeom, 1), -1, np.int64)
         for i, geom in enumerate(self._scene.geoms[: self._scene.ngeom]):
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:

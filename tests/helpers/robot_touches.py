@@ -1,4 +1,4 @@
-"""Whom the robot had touched by when, directly or through others: told apart from how the evaluator finds it."""
+"""When the robot first touched each body, directly or through others: an oracle independent of the evaluator."""
 
 from __future__ import annotations
 

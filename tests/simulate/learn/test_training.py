@@ -109,6 +109,14 @@ def test_the_same_seed_gives_the_same_weights(kind: str, monkeypatch: pytest.Mon
     assert not all(torch.equal(a, b) for a, b in pairs)
 
 
+@pytest.mark.parametrize("steps", [1, 2, 20, 21])
+def test_any_number_of_steps_trains(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The learning rate rises over 5 % of them: of 20, that is one."""
+    monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
+    _, curve = train(data(), Recipe("bc", steps, batch=8))
+    assert np.isfinite([row["loss"] for row in curve]).all()
+
+
 def test_it_learns_where_to_go_by_the_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
     _, curve = train(data(), Recipe("bc", 300, batch=64, rate=3e-3, held_back=0.1))
