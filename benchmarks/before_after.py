@@ -122,8 +122,8 @@ def measure(options: argparse.Namespace) -> None:
                 [fmean(f([t[what] for t in times[who, e]]) for e in of) * 1e3 for who in (0, 1)]
                 for f in (min, median)
             )
-            told = [f"{a:.1f} ({b:.1f})" for a, b in zip(least, middle, strict=True)]
-            line += f"{told[0]:>{wide}}{told[1]:>15}{least[1] / least[0]:>7.2f}"
+            listed = [f"{a:.1f} ({b:.1f})" for a, b in zip(least, middle, strict=True)]
+            line += f"{listed[0]:>{wide}}{listed[1]:>15}{least[1] / least[0]:>7.2f}"
         print(line)
     print_slowest(times, episodes, chosen)
     print_differences(rows, chosen)

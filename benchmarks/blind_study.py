@@ -98,10 +98,10 @@ def main() -> None:
         writer.writerows([row["episode_id"]] for row in sample)
     for stage in sorted({row["stage"] for row in sample}):
         of = [row for row in sample if row["stage"] == stage]
-        told = Counter(noise(row) for row in of)
+        noises = Counter(noise(row) for row in of)
         print(
             f"{stage}: {len(of)} rollouts of {len({row['task'] for row in of})} tasks, "
-            f"{sum(row['violation'] for row in of)} violations, noise {dict(sorted(told.items()))}"
+            f"{sum(row['violation'] for row in of)} violations, noise {dict(sorted(noises.items()))}"
         )
 
 

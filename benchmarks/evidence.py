@@ -123,27 +123,27 @@ def attempt(paths: tuple[str, ...], seed: int, number: int, kinds: Sequence[str]
     at = int(draw.choice(among))
     rng = np.random.default_rng([seed, number, 1])
     episode, before = _known(paths, at)
-    name, told, seen, changed = episode.header.episode_id, list[str](), [before], list[Any]()
+    name, edits_made, seen, changed = episode.header.episode_id, list[str](), [before], list[Any]()
     kind = str(rng.choice(list(kinds or EDITS)))
     for step in range(1 + (rng.random() < TWICE)):
         another = kind if not step else str(rng.choice(list(kinds or EDITS)))
         try:
             what, episode = EDITS[another](episode, rng)
         except (ValueError, KeyError) as error:  # nothing of the kind is there to be removed
-            told.append(f"{another} not possible: {error}")
+            edits_made.append(f"{another} not possible: {error}")
             break
-        told.append(f"{another} {what}")
+        edits_made.append(f"{another} {what}")
         try:
             for problem in (*check_header(episode.header, name), *check_time(episode.t, name)):
                 raise problem
             after = verdicts(episode)
         except InputError as error:
-            told.append(f"refused: {error}")
+            edits_made.append(f"refused: {error}")
             break
         for known in seen:
             changed += [(rule, was, after.get(rule, "gone")) for rule, was in known.items()]
         seen.append(after)
-    return Outcome(number, kind, name, "; ".join(told), tuple(changed))
+    return Outcome(number, kind, name, "; ".join(edits_made), tuple(changed))
 
 
 def _batch(
@@ -206,9 +206,9 @@ def main() -> int:
     bad = [outcome for outcome in found if outcome.breaches]
     kinds = f" --kinds {' '.join(args.kinds)}" if args.kinds else ""
     for o in bad:
-        told = ", ".join(f"{rule} {was} -> {now}" for rule, was, now in o.breaches)
+        text = ", ".join(f"{rule} {was} -> {now}" for rule, was, now in o.breaches)
         paths = " ".join(args.paths)
-        print(f"{o.kind} ({o.told}) of {o.episode}: {told}")
+        print(f"{o.kind} ({o.told}) of {o.episode}: {text}")
         print(f"    benchmarks/evidence.py {paths} --seed {args.seed} --only {o.number}{kinds}")
     print(f"{len(found)} edits, {len(bad)} breaches")
     return 1 if bad else 0

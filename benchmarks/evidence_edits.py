@@ -143,15 +143,15 @@ def contact_nan(episode: Episode, rng: np.random.Generator) -> tuple[str, Episod
     column = str(rng.choice(["force", "peak_force", "position", "normal"]))
     at = stretch(len(episode), rng)
     rows = (contacts.frame >= at.start) & (contacts.frame < at.stop)
-    told = "all"
+    where = "all"
     if contacts.pairs and rng.random() < 0.7:
         i, j = contacts.pairs[int(rng.integers(len(contacts.pairs)))]
         rows &= (contacts.body1 == i) & (contacts.body2 == j)
-        told = f"{episode.header.bodies[i].name}-{episode.header.bodies[j].name}"
+        where = f"{episode.header.bodies[i].name}-{episode.header.bodies[j].name}"
     values = getattr(contacts, column).copy()
     values[rows] = np.nan
-    told = f"{column} {told} {at.start}:{at.stop}"
-    return told, replace(episode, _contacts=replace(contacts, **{column: values}))
+    where = f"{column} {where} {at.start}:{at.stop}"
+    return where, replace(episode, _contacts=replace(contacts, **{column: values}))
 
 
 def bad_normals(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
@@ -160,8 +160,8 @@ def bad_normals(episode: Episode, rng: np.random.Generator) -> tuple[str, Episod
     contacts, at = episode.contacts, stretch(len(episode), rng)
     rows = (contacts.frame >= at.start) & (contacts.frame < at.stop)
     normal = np.where(rows[:, None], contacts.normal * np.float32(by), contacts.normal)
-    told = f"x {by:g} {at.start}:{at.stop}"
-    return told, replace(episode, _contacts=replace(contacts, normal=normal))
+    text = f"x {by:g} {at.start}:{at.stop}"
+    return text, replace(episode, _contacts=replace(contacts, normal=normal))
 
 
 def no_forces(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
@@ -283,11 +283,11 @@ def contacts_gone(episode: Episode, rng: np.random.Generator) -> tuple[str, Epis
 
 def free_bodies(episode: Episode) -> list[Any]:
     """Objects with a mass that nothing is jointed to."""
-    told = episode.header
-    jointed = {b.parent for b in told.bodies} | {joint.body for joint in told.joints}
+    header = episode.header
+    jointed = {b.parent for b in header.bodies} | {joint.body for joint in header.joints}
     return [
         b
-        for b in told.bodies
+        for b in header.bodies
         if b.kind == "object" and b.movable and b.geoms and b.mass
         and b.parent is None and b.name not in jointed
     ]  # fmt: skip
@@ -315,14 +315,14 @@ def body_removed(episode: Episode, rng: np.random.Generator) -> tuple[str, Episo
     It shows where a joint or another body names it, or where it bore what rests: its roles are unbound
     then. Otherwise a role must name it still.
     """
-    told = episode.header
-    name = str(rng.choice([b.name for b in told.bodies]))
-    roles = {role: who for role, who in told.roles.items() if name not in who}
+    given = episode.header
+    name = str(rng.choice([b.name for b in given.bodies]))
+    roles = {role: who for role, who in given.roles.items() if name not in who}
     found = without(episode, name)
-    named = {b.parent for b in told.bodies} | {joint.body for joint in told.joints}
+    named = {b.parent for b in given.bodies} | {joint.body for joint in given.joints}
     if name in named or name in bearers(episode):
         return name, header(found, roles=roles)
-    if len(roles) == len(told.roles):
+    if len(roles) == len(given.roles):
         raise ValueError("nobody could see that it is gone")
     return name, found
 

@@ -199,15 +199,15 @@ def campaign(key: str, tally: Tally, asked: argparse.Namespace, folder: Path) ->
             begin(*waiting.pop(0))
         for out in select.select(list(running), [], [], 1.0)[0]:
             batch = running[out]
-            for told in batch.told():
-                if len(told) == 1:
+            for report in batch.told():
+                if len(report) == 1:
                     batch.began, batch.used = time.monotonic(), processor_time(batch.pid)
-                    batch.under_way = told[0]
+                    batch.under_way = report[0]
                 else:
-                    tally.note(*told)
-                    batch.under_way, batch.at = None, told[0] + 1
-                    if told[1] == "crash":
-                        keep(key, batch.place, told, asked)
+                    tally.note(*report)
+                    batch.under_way, batch.at = None, report[0] + 1
+                    if report[1] == "crash":
+                        keep(key, batch.place, report, asked)
             if not batch.pid:
                 del running[out]
                 tally.done.append([asked.seed, batch.first, batch.at])
@@ -221,9 +221,9 @@ def campaign(key: str, tally: Tally, asked: argparse.Namespace, folder: Path) ->
                 os.close(out)
                 del running[out]
                 number = batch.at if batch.under_way is None else batch.under_way
-                told = [number, "hang", "", f"{time.monotonic() - batch.began:.0f} s", TIMEOUT]
-                tally.note(*told)
-                keep(key, batch.place, told, asked)
+                report = [number, "hang", "", f"{time.monotonic() - batch.began:.0f} s", TIMEOUT]
+                tally.note(*report)
+                keep(key, batch.place, report, asked)
                 tally.done.append([asked.seed, batch.first, number + 1])
                 if number + 1 < batch.last:
                     waiting.insert(0, [number + 1, batch.last])
@@ -264,8 +264,8 @@ def memory_folder() -> str | None:
 
 def processor_time(process: int) -> float:
     """S that a process has computed so far."""
-    told = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(told[11]) + int(told[12])) / os.sysconf("SC_CLK_TCK")
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 HEAD = (
@@ -326,8 +326,8 @@ def stored(path: Path | None) -> dict[str, Tally]:
     """Read the counts of earlier runs."""
     if path is None or not path.is_file():
         return {}
-    told = json.loads(path.read_text("utf-8"))
-    return {key: Tally(**{**t, "counts": Counter(t["counts"])}) for key, t in told.items()}
+    document = json.loads(path.read_text("utf-8"))
+    return {key: Tally(**{**t, "counts": Counter(t["counts"])}) for key, t in document.items()}
 
 
 def joined(one: Tally, other: Tally) -> Tally:
@@ -343,16 +343,16 @@ def once(key: str, asked: argparse.Namespace, folder: Path) -> int:
     (folder / "seeds").mkdir()
     target = TARGETS[key](folder / "seeds")
     target.folder = folder
-    told = attempt(target, asked.only, asked.seed)
-    print(told)
+    outcome = attempt(target, asked.only, asked.seed)
+    print(outcome)
     if asked.keep is not None:
         keep(
             key,
             folder,
-            [asked.only, "unforeseen" if not told.bad else told.kind, *told[1:], 0],
+            [asked.only, "unforeseen" if not outcome.bad else outcome.kind, *outcome[1:], 0],
             asked,
         )
-    return int(told.bad)
+    return int(outcome.bad)
 
 
 def main() -> int:

@@ -113,8 +113,8 @@ def headline(folder: Path, runs: int, every: int) -> None:
             times.append(found)
         time.sleep(2.5)  # a file that changed a moment ago is not trusted
         times += again(parquet, mcap, rules, stage, folder / "cache", runs)
-        told = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
-        print(f"{stage:5}" + "".join(f"{x!s:>15}" for x in times) + f"   {told}", flush=True)
+        text = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
+        print(f"{stage:5}" + "".join(f"{x!s:>15}" for x in times) + f"   {text}", flush=True)
     print("\nagainst the plain python-fcl loop: robot and target to each protected object")
     for protected, walls in ((3, 0), (17, 0), (3, 24)):
         compare(folder, made.Size(protected=protected, walls=walls), runs, every)

@@ -60,9 +60,9 @@ def main() -> int:
             if unfounded(episode, verdict):
                 wrong += 1
                 print(f"{ref.episode_id} {verdict.rule}: {verdict.explanation}", flush=True)
-    told = ", ".join(f"{count} {rule}" for rule, count in sorted((+found).items()))
+    text = ", ".join(f"{count} {rule}" for rule, count in sorted((+found).items()))
     print(
-        f"{asked.folder.name}: {episodes} episodes, {refused} contradict themselves; violations: {told}"
+        f"{asked.folder.name}: {episodes} episodes, {refused} contradict themselves; violations: {text}"
     )
     print(f"{wrong} of {found.total()} without a touch that leads to them")
     return bool(wrong)

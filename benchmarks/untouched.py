@@ -94,9 +94,9 @@ def main() -> int:
             for failed in outcome.failed:
                 print(f"  not imported: {failed.message}")
             every, without, verdicts, found = blamed(Path(folder) / "data")
-        told = ", ".join(f"{count} {name}" for name, count in sorted(verdicts.items()))
+        text = ", ".join(f"{count} {name}" for name, count in sorted(verdicts.items()))
         print(
-            f"{file.parent.name}/{file.stem}: {every} episodes, {without} without a touch: {told}",
+            f"{file.parent.name}/{file.stem}: {every} episodes, {without} without a touch: {text}",
             flush=True,
         )
         for line in found:

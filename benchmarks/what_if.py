@@ -61,13 +61,13 @@ def compare(
             whole = isinstance(usual, ast.Duration) and usual.frames
             for _ in range(draws):
                 value = drawn(amount(usual), rng, whole=whole)
-                told = piece_at(pieces, value)
-                if told is None or told.verdict is None:
+                predicted = piece_at(pieces, value)
+                if predicted is None or predicted.verdict is None:
                     yield rule.code, param, value, None
                     continue
                 now = again.under(base, rule, {param: like(usual, value)})
                 risk = at_risk(now.verdict, now.instances, now.vacuity)
-                same = (now.verdict, risk) == (told.verdict, told.at_risk)
+                same = (now.verdict, risk) == (predicted.verdict, predicted.at_risk)
                 yield rule.code, param, value, same
 
 

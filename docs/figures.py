@@ -147,9 +147,9 @@ def page(table: dict[str, dict[str, Any]]) -> str:
             facts += [f"reads the material columns {', '.join(columns)}"] if columns else []
         if spec.groups:
             facts.append("`robot` and `gripper` may stand for a body")
-        told = "; ".join(facts)
+        text = "; ".join(facts)
         lines += [
-            f"### `{name}`", "", f"{spec.meaning} *{told[0].upper()}{told[1:]}.*", "",
+            f"### `{name}`", "", f"{spec.meaning} *{text[0].upper()}{text[1:]}.*", "",
             entry["text"], "", f"![{entry['signal']}](images/signals/{name}.svg)", "",
         ]  # fmt: skip
     return "\n".join(lines).rstrip() + "\n"

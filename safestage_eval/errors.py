@@ -16,8 +16,8 @@ def readable(text: object) -> str:
 
     Bytes of a file name that are no UTF-8 come to stand for themselves (``\udcff``).
     """
-    told = str(text)
-    return told if told.isascii() else told.encode("utf-8", "backslashreplace").decode()
+    shown = str(text)
+    return shown if shown.isascii() else shown.encode("utf-8", "backslashreplace").decode()
 
 
 def visible(text: str) -> str:

@@ -111,12 +111,12 @@ def test_half_the_rate(name):
     Whether a touch that was too brief still is may then be left open.
     """
     before, after = judged(name), judge_(transforms.every_second(recorded(name)))
-    told = [
+    listed = [
         new.verdict != "inconclusive" or not any("too brief" in note for note in old.notes)
         for old, new in zip(before.verdicts, after.verdicts, strict=True)
     ]
     before, after = (
-        replace(x, verdicts=tuple(itertools.compress(x.verdicts, told))) for x in (before, after)
+        replace(x, verdicts=tuple(itertools.compress(x.verdicts, listed))) for x in (before, after)
     )
     same(before, after, frames=0.1)
 

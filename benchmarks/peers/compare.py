@@ -138,7 +138,7 @@ def sources(peer: str, checkouts: Path, tally: Tally) -> None:
 
 def write(path: Path, tallies: dict[str, Tally]) -> None:
     """Counts as JSON."""
-    told = {
+    values = {
         peer: {
             "ran": dict(tally.ran),
             "counts": [
@@ -148,7 +148,7 @@ def write(path: Path, tallies: dict[str, Tally]) -> None:
         for peer, tally in tallies.items()
         if tally.counts
     }
-    path.write_text(json.dumps(told, indent=1), "utf-8")
+    path.write_text(json.dumps(values, indent=1), "utf-8")
 
 
 def read(counts: list[list[object]]) -> Tally:

@@ -78,8 +78,8 @@ def said(raw: Raw, tree: Any) -> tuple[str, str]:
         alike = several.get(kind, [])
         return f"{kind}_{alike.index(body) + 1}" if len(alike) > 1 and body in alike else kind
 
-    told = [" ".join(("not " * (not w) + p, *map(short, b))) for p, b, w in found]
-    return " ".join([verb, *map(short, args)]), " and ".join(told)
+    listed = [" ".join(("not " * (not w) + p, *map(short, b))) for p, b, w in found]
+    return " ".join([verb, *map(short, args)]), " and ".join(listed)
 
 
 @contextmanager

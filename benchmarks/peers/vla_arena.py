@@ -81,12 +81,14 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None
     import mujoco
 
     space = {"np": np, "mujoco": mujoco, "MujocoModel": SimpleNamespace, "print": lambda *_: None}
-    told = SimpleNamespace(mj_contactForce=lambda _model, data, row, found: data.force(row, found))
+    mujoco_like = SimpleNamespace(
+        mj_contactForce=lambda _model, data, row, found: data.force(row, found)
+    )
     names = ["check_distance", "check_force", "check_gripper_contact", "_check_contact"]
     names = [f"BDDLBaseDomain.{name}" for name in names]
     domain = checkout / ENVS / "bddl_base_domain.py"
     distance = functions(domain, names[:1], space)[names[0]]
-    asks = functions(domain, names[1:], {**space, "mujoco": told})
+    asks = functions(domain, names[1:], {**space, "mujoco": mujoco_like})
     force, gripped, touched = (asks[name] for name in names[1:])
     robosuite = checkout.parent / "robosuite/robosuite/utils/sim_utils.py"
     in_contact = None

@@ -104,13 +104,13 @@ def table(task: str, problem: Problem, packages: Path) -> Iterator[str]:
     """The lines of one task."""
     roles: dict[str, str] = {}
     asked: dict[str, str] = {}
-    targets, places, told = [], [], True
+    targets, places, complete = [], [], True
     for number, (predicate, names) in enumerate(problem.goal, 1):
         if predicate in ("On", "In"):
             thing, place = names[0], body_of(names[1], problem, packages, room=predicate == "In")
             targets.append(f"{thing}_main")
             if place is None:
-                told = False
+                complete = False
                 continue
             places.append(place)
             a, b = f"item{number}", f"place{number}"
@@ -126,7 +126,7 @@ def table(task: str, problem: Problem, packages: Path) -> Iterator[str]:
         else:
             found = opening_of(predicate, names[0], problem, packages)
             if found is None:
-                told = False
+                complete = False
                 continue
             joint, limit = found
             roles[f"part{number}"] = joint
@@ -140,12 +140,12 @@ def table(task: str, problem: Problem, packages: Path) -> Iterator[str]:
     first = {"target": unique(targets), "destination": unique(places), "protected": protected}
     yield f'[task."{task}"]'
     players = [f"{name} = {toml(names)}" for name, names in first.items() if names]
-    players += [f'{name} = "{player}"' for name, player in roles.items() if told]
+    players += [f'{name} = "{player}"' for name, player in roles.items() if complete]
     yield "roles = { " + ", ".join(players) + " }"
     codes = (["ETS101"] if targets else []) + ["ETS102"] if protected else []
     if codes:
         yield f"rules = {toml(codes)}"
-    if told:
+    if complete:
         kinds = {role: "joint" if role.startswith("part") else "body" for role in roles}
         for role in roles:
             if role.startswith("item"):

@@ -76,7 +76,7 @@ def _function(name: str) -> ctypes._NamedFuncPointer | None:
     if sys.platform != "linux":
         return None
     try:
-        found: ctypes._NamedFuncPointer = getattr(ctypes.CDLL(None), name)
+        function: ctypes._NamedFuncPointer = getattr(ctypes.CDLL(None), name)
     except (OSError, AttributeError):
         return None
-    return found
+    return function

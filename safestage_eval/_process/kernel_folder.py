@@ -101,17 +101,17 @@ def processor() -> tuple[str, str, str]:
 
 def settings() -> list[tuple[str, str]]:
     """What users set for numba, by variables and by a file, which may change machine code."""
-    found = [each for each in sorted(os.environ.items()) if each[0].startswith("NUMBA_")]
-    found = [each for each in found if each[0] not in HARMLESS]
+    variables = [each for each in sorted(os.environ.items()) if each[0].startswith("NUMBA_")]
+    variables = [each for each in variables if each[0] not in HARMLESS]
     file = Path(".numba_config.yaml")
     if file.is_file():
-        found.append((file.name, file.read_text("utf-8", errors="replace")))
-    return found
+        variables.append((file.name, file.read_text("utf-8", errors="replace")))
+    return variables
 
 
 def package_folder(name: str) -> Path:
     """Folder of an installed package, which is not imported. Raises ImportError."""
-    found = find_spec(name)
-    if found is None or found.origin is None:
+    spec = find_spec(name)
+    if spec is None or spec.origin is None:
         raise ImportError(f"no package {name!r}")
-    return Path(found.origin).parent
+    return Path(spec.origin).parent

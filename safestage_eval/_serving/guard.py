@@ -116,8 +116,8 @@ def isolated(act: Callable[[], A], complain: Callable[[Exception], A]) -> A:
 
 def _parts(host: str) -> tuple[str, int | None] | None:
     """Name and port of a ``Host`` header; None for what is none."""
-    found = _HOST.fullmatch(host)
-    if found is None:
+    match = _HOST.fullmatch(host)
+    if match is None:
         return None
-    name = found[1].strip("[]").lower().removesuffix(".")
-    return name, int(found[2]) if found[2] else None
+    name = match[1].strip("[]").lower().removesuffix(".")
+    return name, int(match[2]) if match[2] else None

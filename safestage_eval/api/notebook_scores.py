@@ -163,11 +163,11 @@ class Scores:
             if texts is None
             else chosen(rules, param, texts)
         )
-        found = sweep(
+        result = sweep(
             self._refs, self._settings.rules, param, visited, overrides=self._settings.overrides,
             bind=self._settings.bind, jobs=1,
         )  # fmt: skip
-        return pd.DataFrame(found.rows(by))
+        return pd.DataFrame(result.rows(by))
 
     def compare(self, other: Scores | None = None, by: By | None = None) -> pd.DataFrame:
         """Differences of the rates on the same rollouts, as ``safestage compare``.
@@ -203,7 +203,7 @@ class Scores:
             names = ["these", "other"]
             if field != "rules":
                 names = [str(getattr(side[0], field)) if side else "–" for side in sides]
-        found = compare(sides[0], sides[1], field, (names[0], names[1]))
+        comparison = compare(sides[0], sides[1], field, (names[0], names[1]))
         rows = [
             {
                 "of": line.of.scope,
@@ -218,10 +218,10 @@ class Scores:
                 "p_holm": line.p_holm,
                 "significant": line.significant,
             }
-            for line in found.lines
+            for line in comparison.lines
         ]
         frame = pd.DataFrame(rows)
-        frame.attrs.update(names=found.names, by=field, warnings=warnings(found))
+        frame.attrs.update(names=comparison.names, by=field, warnings=warnings(comparison))
         return frame
 
     def view(self, episode: str | None = None) -> Page:

@@ -23,12 +23,12 @@ def in_si_units(row: Mapping[str, Any]) -> dict[str, Any]:
     if unit not in UNIT_DIMENSION:
         return dict(row)
     dimension = UNIT_DIMENSION[unit]
-    found = {**row, "unit": si_unit(dimension)}
+    converted = {**row, "unit": si_unit(dimension)}
     for name in ("value", "limit"):
-        found[name] = None if row[name] is None else in_si(row[name], unit)
+        converted[name] = None if row[name] is None else in_si(row[name], unit)
     if row["margin"] is not None:
-        found["margin"] = row["margin"] * DIMENSIONS[dimension][unit]
-    return found
+        converted["margin"] = row["margin"] * DIMENSIONS[dimension][unit]
+    return converted
 
 
 def result_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:

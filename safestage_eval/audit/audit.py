@@ -55,7 +55,7 @@ class Audit:
     @property
     def plain(self) -> dict[str, Any]:
         """Counts and findings as JSON values."""
-        return {"counts": self.counts, "findings": [found.to_json() for found in self.findings]}
+        return {"counts": self.counts, "findings": [finding.to_json() for finding in self.findings]}
 
     def fails(self, level: str) -> bool:
         """Whether anything is as grave as ``error`` or ``warning``; never for ``never``."""

@@ -112,13 +112,13 @@ def _turned(*, touches: bool) -> Mend:
     def mend(episode: Episode, names: Collection[str]) -> Episode:
         turn = np.array(Z_UP)
         vectors = {c: lambda v: rotate(turn, v.astype(float)) for c in _VECTORS}
-        found = columns(
+        turned = columns(
             episode, names, orientation=lambda q: product(turn, q.astype(float)), **vectors
         )
         if not touches:
-            return found
+            return turned
         return contacts(
-            found, **dict.fromkeys(("position", "normal", "force"), vectors[_VECTORS[0]])
+            turned, **dict.fromkeys(("position", "normal", "force"), vectors[_VECTORS[0]])
         )
 
     return mend

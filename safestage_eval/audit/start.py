@@ -151,7 +151,7 @@ class Start:
         if mine is None:
             return None
         low, high = mine[0].min(axis=0), mine[1].max(axis=0)
-        middle, found = (low + high) / 2, dict[str, float]()
+        middle, lower = (low + high) / 2, dict[str, float]()
         for other in self.solid:
             theirs = self.boxes(other) if other is not body and other.geoms else None
             if theirs is None or other.kind in ROBOT:
@@ -159,8 +159,8 @@ class Start:
             under = (theirs[0] <= middle)[:, :2].all(1) & (middle <= theirs[1])[:, :2].all(1)
             gaps = low[2] - theirs[1][under, 2]
             if (gaps > 0).any():
-                found[other.name] = float(gaps[gaps > 0].min())
-        return min(found.items(), key=lambda one: one[1], default=None)
+                lower[other.name] = float(gaps[gaps > 0].min())
+        return min(lower.items(), key=lambda one: one[1], default=None)
 
     def resting_axes(self, gap: float) -> dict[str, int]:
         """Object → bits (1 x, 2 y, 4 z) of the axes along which it stands on something at first.

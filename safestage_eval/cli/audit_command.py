@@ -91,7 +91,7 @@ def command(
         raise click.UsageError("Missing argument 'TRACES...'.")
     prepare_kernels()
     with progress("auditing") as tell:
-        found = audit(
+        result = audit(
             traces,
             rules,
             bind=bind,
@@ -106,12 +106,12 @@ def command(
         )
     width = None if output else shutil.get_terminal_size((results_text.WIDTH, 24)).columns
     color = output is None and wants_color(sys.stdout)
-    written(audit_report.render(found, form, width=width, color=color, everything=verbose), output)
+    written(audit_report.render(result, form, width=width, color=color, everything=verbose), output)
     if form != "table" or output is not None:
-        for problem in found.problems:
+        for problem in result.problems:
             say(f"problem: {problem.message}", err=True)
-        say(audit_report.headline(found), err=True)
-    ctx.exit(2 if found.problems else 1 if found.fails(fail_on) else 0)
+        say(audit_report.headline(result), err=True)
+    ctx.exit(2 if result.problems else 1 if result.fails(fail_on) else 0)
 
 
 def _codes(given: tuple[str, ...]) -> list[str]:

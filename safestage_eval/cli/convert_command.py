@@ -122,8 +122,8 @@ def command(
                     continue
                 if form == "rrd" and (target in written or (target.exists() and not force)):
                     raise InputError(str(target), "is there already.", fix="--force replaces it")
-                told = look(episode) if look else Told()
-                copy = _copied(episode, target, form, told)
+                judged = look(episode) if look else Told()
+                copy = _copied(episode, target, form, judged)
                 written.add(target)
                 say(f"{episode.content_hash}  {name}  {copy}")
             except InputError as error:
@@ -221,7 +221,7 @@ def _judge(
     return look
 
 
-def _copied(episode: Any, target: Path, form: str, told: Told) -> Path:
+def _copied(episode: Any, target: Path, form: str, judged: Told) -> Path:
     """Write, read back and compare; returns the file."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import save
@@ -230,9 +230,9 @@ def _copied(episode: Any, target: Path, form: str, told: Told) -> Path:
     if form == "rrd":
         from safestage_eval.viewer.rerun_recording import write_rerun
 
-        write_rerun(episode, told.events, told.decided, target)
+        write_rerun(episode, judged.events, judged.decided, target)
         return target
-    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", told.events)
+    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", judged.events)
     if copy.open().content_hash != episode.content_hash:
         raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
     if form == "mcap":

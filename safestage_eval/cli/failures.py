@@ -42,8 +42,8 @@ def run(command: click.Command) -> None:
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:
-        told = error.message + near_choice(error)
-        error.message = printable_lines(shortened(told, LONGEST))  # type: ignore[misc]
+        message = error.message + near_choice(error)
+        error.message = printable_lines(shortened(message, LONGEST))  # type: ignore[misc]
         error.show()
         sys.exit(2)
     except click.Abort:

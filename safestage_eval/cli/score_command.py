@@ -249,8 +249,8 @@ def command(
         say(said, err=True)
     if scores.aborted and not in_table:
         say(results_text.ended_in_error(scores.aborted), err=True)
-    if audit is not None and (found := in_one_line(audit, " ".join(traces))):
-        say(found, err=True)
+    if audit is not None and (in_short := in_one_line(audit, " ".join(traces))):
+        say(in_short, err=True)
     if number := sum(problem.contradicts for problem in scores.problems):
         what = "contradicts itself" if number == 1 else "contradict themselves"
         say(
@@ -373,6 +373,6 @@ def _golden(scores: Scores, path: Path, changes: Sequence[Change] | None) -> boo
     for change in changes:
         say(f"golden: {change}", err=True)
     number = len(changes)
-    told = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
-    say(f"golden: {path}: {told}", err=True)
+    outcome = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
+    say(f"golden: {path}: {outcome}", err=True)
     return bool(changes)

@@ -101,22 +101,25 @@ def command(
     except (TypeError, AttributeError) as error:
         raise InputError(str(manifest), f"its settings cannot be read: {error}.") from None
     with progress("verifying") as tell:
-        found = verify(
+        verification = verify(
             results, discover(list(traces)), asked, statement=statement, sample=sample, seed=seed,
             progress=tell,
         )  # fmt: skip
-    for kind, lines in (("differs", found.differences), ("not verified", found.missing)):
+    for kind, lines in (
+        ("differs", verification.differences),
+        ("not verified", verification.missing),
+    ):
         for line in lines[:SHOWN]:
             say(f"{kind}: {line}")
         if len(lines) > SHOWN:
             say(f"{kind}: and {len(lines) - SHOWN} more")
-    for note in found.notes:
+    for note in verification.notes:
         say(f"note: {note}", err=True)
     if statement is None:
         say("note: no manifest: rules and settings are those of the options", err=True)
     say(
-        f"{count(found.rows, 'row')} of {count(found.episodes, 'episode')}: {found.digests} digests "
-        f"computed, {found.judged} judged again, {count(len(found.differences), 'difference')}, "
-        f"{len(found.missing)} not verified"
+        f"{count(verification.rows, 'row')} of {count(verification.episodes, 'episode')}: {verification.digests} digests "
+        f"computed, {verification.judged} judged again, {count(len(verification.differences), 'difference')}, "
+        f"{len(verification.missing)} not verified"
     )
-    ctx.exit(found.exit_code)
+    ctx.exit(verification.exit_code)

@@ -143,13 +143,13 @@ def place_at(text: str, offset: int) -> Place:
     while at < offset:
         top = scan.frames[-1]
         header = _HEADER if top.kind == "array" else _ANY_HEADER
-        if fresh and text[at] == "[" and (found := header.match(text, at)):
-            if offset <= found.end():
+        if fresh and text[at] == "[" and (match := header.match(text, at)):
+            if offset <= match.end():
                 inside = text[at:offset]
                 what: Literal["table", "nothing"] = "nothing" if "]" in inside else "table"
                 return Place((), what, inside.lstrip("[").lstrip())
-            scan.header(found[0])
-            at = found.end()
+            scan.header(match[0])
+            at = match.end()
             continue
         token = _TOKEN.match(text, at)
         assert token is not None

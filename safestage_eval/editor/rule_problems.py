@@ -35,9 +35,9 @@ def problems_of(path: Path, text: str, texts: Mapping[Path, str]) -> list[Diagno
         files, problems, shown = read_edited(path, {**texts, path: text})
     except RuleError as error:  # a file that it extends cannot be opened
         return [Diagnostic(str(path), 1, 1, "R104", f"{error.where}: {error.what}")]
-    found = sorted({*problems, *check(files)})
-    own = [one for one in found if one.path == shown]
-    elsewhere = [one for one in found if one.path != shown]
+    diagnostics = sorted({*problems, *check(files)})
+    own = [one for one in diagnostics if one.path == shown]
+    elsewhere = [one for one in diagnostics if one.path != shown]
     if not elsewhere:
         return own
     first = elsewhere[0]

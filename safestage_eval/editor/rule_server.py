@@ -58,11 +58,11 @@ def make_server() -> LanguageServer:
     def known_in(document: TextDocument) -> KnownNames:
         """The names at hand; as they were before where no file that it extends can be read now."""
         try:
-            found = names_known(_path(document), document.source, _open_texts(server))
+            names = names_known(_path(document), document.source, _open_texts(server))
         except RuleError:
-            found = None
-        if found is not None and (found.files or document.uri not in known_to):
-            known_to[document.uri] = found
+            names = None
+        if names is not None and (names.files or document.uri not in known_to):
+            known_to[document.uri] = names
         return known_to[document.uri]
 
     def opened(params: types.DidOpenTextDocumentParams) -> None:
@@ -85,13 +85,13 @@ def make_server() -> LanguageServer:
         if not is_rule_file(document.source) and document.source.strip():
             return None
         offset = document.offset_at_position(params.position)
-        found = complete(document.source, offset, known_in(document))
-        start = _position(document, offset - found.replaces)
+        completions = complete(document.source, offset, known_in(document))
+        start = _position(document, offset - completions.replaces)
         place = types.Range(start, params.position)
         snippets = _takes_snippets(server)
         items = [
             _item(offer, place, f"{at:04}", snippets=snippets)
-            for at, offer in enumerate(found.offers)
+            for at, offer in enumerate(completions.offers)
         ]
         return types.CompletionList(is_incomplete=False, items=items)
 
@@ -135,14 +135,14 @@ def _position(document: TextDocument, offset: int) -> types.Position:
     return document.position_codec.position_to_client_units(document.lines, position)
 
 
-def _diagnostic(document: TextDocument, found: Diagnostic) -> types.Diagnostic:
-    codec, line = document.position_codec, found.line - 1
+def _diagnostic(document: TextDocument, diagnostic: Diagnostic) -> types.Diagnostic:
+    codec, line = document.position_codec, diagnostic.line - 1
     length = len(document.lines[line].rstrip("\r\n")) if line < len(document.lines) else 0
-    start = types.Position(line, min(found.column - 1, length))
-    stop = types.Position(line, min(found.column - 1 + found.length, length))
-    message = found.what
-    message += f"\nallowed: {found.allowed}" if found.allowed else ""
-    message += f"\nfix: {found.fix}" if found.fix else ""
+    start = types.Position(line, min(diagnostic.column - 1, length))
+    stop = types.Position(line, min(diagnostic.column - 1 + diagnostic.length, length))
+    message = diagnostic.what
+    message += f"\nallowed: {diagnostic.allowed}" if diagnostic.allowed else ""
+    message += f"\nfix: {diagnostic.fix}" if diagnostic.fix else ""
     return types.Diagnostic(
         range=types.Range(
             codec.position_to_client_units(document.lines, start),
@@ -150,7 +150,7 @@ def _diagnostic(document: TextDocument, found: Diagnostic) -> types.Diagnostic:
         ),
         message=message,
         severity=types.DiagnosticSeverity.Error,
-        code=found.code,
+        code=diagnostic.code,
         source="safestage",
     )
 

@@ -162,8 +162,8 @@ def encode(values: Mapping[str, Value]) -> bytes:
             raw, runs = _packed(item)
             count = len(raw)
             raw += bytes(-count % 8)
-            told = _sum(np.frombuffer(raw, np.uint64))
-            index[name][key] = {_ARRAY: [at, count, len(item), runs, item.dtype.str, told]}
+            checksum = _sum(np.frombuffer(raw, np.uint64))
+            index[name][key] = {_ARRAY: [at, count, len(item), runs, item.dtype.str, checksum]}
             blocks.append(raw)
             at += len(raw)
     texts = [json.dumps(part, separators=(",", ":")).encode() for part in (plain, index)]

@@ -77,14 +77,14 @@ def _task(task: str | None, episodes: Sequence[Episode], count: int) -> Iterator
 def _roles(table: str, episodes: Sequence[Episode], comment: str) -> Iterator[str]:
     stated = stated_roles(episodes)
     rules = sorted({rule for episode in episodes for rule in episode.header.rules})
-    found = guess_roles(episodes)
+    guesses = guess_roles(episodes)
     yield ""
-    yield f"[{table}.roles]  # {comment}" if found else f"# [{table}.roles]  # {comment}"
+    yield f"[{table}.roles]  # {comment}" if guesses else f"# [{table}.roles]  # {comment}"
     for role, players in stated.items():
         yield f"# {_key(role)} = {_value([*players])}  # in the headers"
-    for role, guess in found.items():
+    for role, guess in guesses.items():
         yield _line(role, guess)
-    if not found:
+    if not guesses:
         yield "# nothing to guess" if stated else '# target = "…"  # no guess: nothing moved'
     if rules:
         yield f"# rules in the headers: {printable(', '.join(rules))}"

@@ -145,9 +145,9 @@ class Calvin(Importer):
             if array is None and key == "actions":
                 continue
             if array is None or array.shape != (width,) or array.dtype.kind not in "iuf":
-                found = "no such array" if array is None else f"{array.shape} {array.dtype}"
+                actual = "no such array" if array is None else f"{array.shape} {array.dtype}"
                 raise SourceError(
-                    str(path), f"{key}: {found}.", f"({width},) numbers, with Euler angles"
+                    str(path), f"{key}: {actual}.", f"({width},) numbers, with Euler angles"
                 )
             if not np.isfinite(array).all():
                 raise SourceError(str(path), f"{key} is not finite throughout.", "numbers")
@@ -198,15 +198,15 @@ class Calvin(Importer):
     ) -> None:
         """The furniture by its URDF, its drawer and door by their joints."""
         name = f"calvin_table_{scene}.urdf"
-        found = [file for folder in self.settings.assets for file in sorted(folder.rglob(name))]
-        if not found:
+        files = [file for folder in self.settings.assets for file in sorted(folder.rglob(name))]
+        if not files:
             raise SourceError(
                 str(self.path), f"its furniture is described by {name}, which it does not bring.",
                 fix="--assets DIR, the folder calvin_env/data of CALVIN's simulator",
             )  # fmt: skip
-        folders = (found[0].parent, found[0].parent.parent)
-        text = found[0].read_text("utf-8", errors="replace")
-        model = scaled(robot_from_urdf(text, str(found[0]), folders, hollow=True), SCALE)
+        folders = (files[0].parent, files[0].parent.parent)
+        text = files[0].read_text("utf-8", errors="replace")
+        model = scaled(robot_from_urdf(text, str(files[0]), folders, hollow=True), SCALE)
         known = {joint.name for joint in model.joints}
         positions = {joint: obs[:, i] for i, joint in enumerate(FURNITURE) if joint in known}
         base = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])

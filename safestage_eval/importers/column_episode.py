@@ -132,10 +132,10 @@ class ColumnImporter(Importer):
         seen = self.seen()
         likely = [name for name in seen if re.search(POSE_WORDS, name)]
         if not likely:
-            told = f" ({', '.join(seen[:8])})" if seen else ""
+            names = f" ({', '.join(seen[:8])})" if seen else ""
             return SourceError(
                 str(self.path),
-                f"has no poses of objects, only what the robot saw and did{told}.",
+                f"has no poses of objects, only what the robot saw and did{names}.",
                 fix=ask_for(f"{self.path} {self.publisher()} {' '.join(seen)}"),
             )
         return SourceError(

@@ -61,27 +61,27 @@ def guess_roles(episodes: Sequence[Episode]) -> dict[str, Guess]:
     by its tags or name is protected.
     """
     stated = stated_roles(episodes)
-    found = dict(_stated_by_some(episodes))
+    roles = dict(_stated_by_some(episodes))
     objects = _objects(episodes)
     target = _target(episodes, objects)
-    if "target" not in {*stated, *found} and target is not None:
-        found["target"] = target
-    if "target" in found:
-        target = found["target"]
+    if "target" not in {*stated, *roles} and target is not None:
+        roles["target"] = target
+    if "target" in roles:
+        target = roles["target"]
     targets = stated.get("target") or _listed(target)
     destination = _destination(episodes, targets)
-    if "destination" not in {*stated, *found} and destination is not None:
-        found["destination"] = destination
+    if "destination" not in {*stated, *roles} and destination is not None:
+        roles["destination"] = destination
     taken = {*targets, *_listed(destination)}
     resting = [
         name for name in objects if name not in taken and _rests_on(episodes[0], name, targets)
     ]
-    if "dependent" not in {*stated, *found} and resting:
-        found["dependent"] = Guess(resting, f"on {', '.join(targets)} in the first frame", "medium")
+    if "dependent" not in {*stated, *roles} and resting:
+        roles["dependent"] = Guess(resting, f"on {', '.join(targets)} in the first frame", "medium")
     delicate = [name for name in objects if name not in taken and _fragile(objects[name])]
-    if "protected" not in {*stated, *found} and delicate:
-        found["protected"] = Guess(delicate, "fragile by tag or name", "medium")
-    return found
+    if "protected" not in {*stated, *roles} and delicate:
+        roles["protected"] = Guess(delicate, "fragile by tag or name", "medium")
+    return roles
 
 
 def stated_roles(episodes: Sequence[Episode]) -> dict[str, tuple[str, ...]]:
@@ -107,7 +107,7 @@ def _listed(guess: Guess | None) -> list[str]:
 
 def guess_bodies(episodes: Sequence[Episode]) -> dict[str, dict[str, Guess]]:
     """Body → up axis, finger, material and tags that its header leaves open."""
-    found: dict[str, dict[str, Guess]] = {}
+    facts: dict[str, dict[str, Guess]] = {}
     bodies = {body.name: body for episode in episodes for body in episode.header.bodies}
     for name, body in bodies.items():
         guesses = dict(_of_body(body))
@@ -115,8 +115,8 @@ def guess_bodies(episodes: Sequence[Episode]) -> dict[str, dict[str, Guess]]:
         if up is not None:
             guesses["up"] = up
         if guesses:
-            found[name] = guesses
-    return found
+            facts[name] = guesses
+    return facts
 
 
 def _of_body(body: Body) -> Iterable[tuple[str, Guess]]:

@@ -89,10 +89,10 @@ def mention(name: str, text: str) -> int | None:
 
     The noun is the last word of the name with three letters or more (``red_mug_1``: ``mug``).
     """
-    found = words_of(text)
+    words = words_of(text)
     own = [w for w in words_of(name) if len(w) > 2 and w.isalpha() and w not in ("main", "body")]
-    if not own or not found:
+    if not own or not words:
         return None
     head = own[-1]
-    places = [i for i, word in enumerate(found) if word.removesuffix("s") == head.removesuffix("s")]
+    places = [i for i, word in enumerate(words) if word.removesuffix("s") == head.removesuffix("s")]
     return places[0] if places else None

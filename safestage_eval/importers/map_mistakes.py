@@ -81,8 +81,8 @@ def notice(episode: Episode, map_: MapFile) -> tuple[Notice, ...]:
     cause = _cause(subject, at_first, map_) if at_first else None
     if cause is not None:
         findings = [f for f in findings if f.code not in AT_FIRST]
-    found = [_plain(f) for f in findings if f.severity != "note"]
-    return (cause, *found) if cause else tuple(found)
+    notices = [_plain(f) for f in findings if f.severity != "note"]
+    return (cause, *notices) if cause else tuple(notices)
 
 
 def summed(every: Iterable[tuple[Notice, ...]]) -> list[tuple[Notice, int]]:

@@ -19,8 +19,8 @@ from safestage_eval.size_limits import current
 def npz_names(path: Path) -> frozenset[str]:
     """Return the names of the arrays in an ``.npz`` archive; none of another file, or a damaged one."""
     try:
-        with path.open("rb") as stream, np.load(stream) as found:
-            return frozenset(found.files)
+        with path.open("rb") as stream, np.load(stream) as archive:
+            return frozenset(archive.files)
     except Exception:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
         return frozenset()
 
@@ -32,11 +32,11 @@ def npz_arrays(path: Path, names: Collection[str]) -> dict[str, NDArray[Any]]:
         InputError: it is damaged, is no archive, or would become more bytes than the limit allows.
     """
     try:
-        with path.open("rb") as stream, np.load(stream) as found:
-            stored = found.zip.infolist()
+        with path.open("rb") as stream, np.load(stream) as archive:
+            stored = archive.zip.infolist()
             sizes = [m.file_size for m in stored if m.filename.removesuffix(".npy") in names]
             current().demand_decoded(sum(sizes), path.stat().st_size, str(path))
-            arrays = {name: found[name] for name in names if name in found.files}
+            arrays = {name: archive[name] for name in names if name in archive.files}
         for name, array in arrays.items():
             if not isinstance(array, np.ndarray):  # numpy returns the bytes of what is no array
                 raise TypeError(f"{name!r} is no array")

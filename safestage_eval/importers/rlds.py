@@ -110,14 +110,14 @@ class Rlds(ColumnImporter):
         file, place = self._places[name]
         where = f"{file}: {name}"
         features = parse_example(read_record(file, place), where)
-        found = {n: _values(features, n, self._table[n].width or 1, where) for n in wanted}
-        counts = {n: len(values) for n, values in found.items()}
+        columns = {n: _values(features, n, self._table[n].width or 1, where) for n in wanted}
+        counts = {n: len(values) for n, values in columns.items()}
         if len(set(counts.values())) > 1 or 0 in counts.values():
-            told = ", ".join(f"{n}: {count}" for n, count in counts.items())
+            listed = ", ".join(f"{n}: {count}" for n, count in counts.items())
             raise TraceError(
-                where, f"its columns have different numbers of steps, or none ({told})."
+                where, f"its columns have different numbers of steps, or none ({listed})."
             )
-        return Rows(found, int(name.rpartition("_")[2]), instruction=_instruction(features))
+        return Rows(columns, int(name.rpartition("_")[2]), instruction=_instruction(features))
 
     @cached_property
     def _places(self) -> dict[str, tuple[Path, tuple[int, int]]]:
@@ -131,8 +131,8 @@ class Rlds(ColumnImporter):
                 "tfds convert_format --out_file_format=tfrecord",
             )  # fmt: skip
         result: dict[str, tuple[Path, tuple[int, int]]] = {}
-        told = _splits(self._info) or dict.fromkeys(match["split"] for match, _ in shards)
-        for split, lengths in told.items():
+        splits = _splits(self._info) or dict.fromkeys(match["split"] for match, _ in shards)
+        for split, lengths in splits.items():
             mine = [path for match, path in shards if match["split"] == split]
             places = [record_places(path) for path in mine]
             if lengths is not None and [len(shard) for shard in places] != lengths:
@@ -209,9 +209,11 @@ def _splits(info: dict[str, Any]) -> dict[str, list[int] | None]:
     splits = info.get("splits")
     for split in splits if isinstance(splits, list) else ():
         if isinstance(split, dict) and isinstance(split.get("name"), str):
-            told = split.get("shardLengths")
-            whole = isinstance(told, list) and all(re.fullmatch(r"\d{1,12}", str(n)) for n in told)
-            result[split["name"]] = [int(n) for n in told] if whole and told else None
+            lengths = split.get("shardLengths")
+            whole = isinstance(lengths, list) and all(
+                re.fullmatch(r"\d{1,12}", str(n)) for n in lengths
+            )
+            result[split["name"]] = [int(n) for n in lengths] if whole and lengths else None
     return result
 
 

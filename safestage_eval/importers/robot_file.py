@@ -55,8 +55,8 @@ def load_robot(path: Path, assets: tuple[Path, ...] = ()) -> RobotModel:
     if missing is not None:
         raise SourceError(str(path), "is MJCF, which MuJoCo reads.", "URDF without it", missing)
     module = importlib.import_module(f"{simulator.NAME}.importers.robot_mjcf")
-    found: RobotModel = module.robot_from_mjcf(path)
-    return found
+    model: RobotModel = module.robot_from_mjcf(path)
+    return model
 
 
 def robot_from_urdf(
@@ -95,7 +95,7 @@ def robot_from_urdf(
         )  # fmt: skip
     meshes: dict[str, Mesh] = {}
     lost: list[str] = []
-    found = [RobotLink(_body(bases[0], links, places, folders, meshes, lost, hollow))]
+    tree = [RobotLink(_body(bases[0], links, places, folders, meshes, lost, hollow))]
     names = [bases[0]]
     for parent in names:  # grows
         for name, link in links.items():
@@ -104,8 +104,8 @@ def robot_from_urdf(
                 names.append(name)
                 body = _body(name, links, places, folders, meshes, lost, hollow)
                 joints = () if moved is None else (moved,)
-                found.append(RobotLink(body, origin["position"], origin["orientation"], joints))  # type: ignore[arg-type]
-    return RobotModel(tuple(found), meshes, tuple(dict.fromkeys(lost)))
+                tree.append(RobotLink(body, origin["position"], origin["orientation"], joints))  # type: ignore[arg-type]
+    return RobotModel(tuple(tree), meshes, tuple(dict.fromkeys(lost)))
 
 
 def _joint(element: ET.Element) -> RobotJoint | None:

@@ -106,19 +106,19 @@ class RobotModel:
                 leader, factor, offset = joint.follows
                 if leader in positions:
                     known[joint.name] = factor * np.asarray(positions[leader], np.float64) + offset
-        found: dict[str, Pose] = {}
+        poses: dict[str, Pose] = {}
         for i, link in enumerate(self.links):
             pose = (
                 (np.asarray(base[0], np.float64), np.asarray(base[1], np.float64))
                 if i == 0
-                else compose(*found[link.body.parent or ""], link.position, link.orientation)
+                else compose(*poses[link.body.parent or ""], link.position, link.orientation)
             )
             for joint in link.joints:
                 if joint.name in known:
                     move = np.asarray(known[joint.name], np.float64) - joint.rest
                     pose = compose(*pose, *_moved(joint, move))
-            found[link.body.name] = pose
-        return found
+            poses[link.body.name] = pose
+        return poses
 
 
 def _times(by: float, place: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -116,10 +116,10 @@ def _opened(path: Path) -> sqlite3.Connection:
         end = process_time() + current().seconds
         bag.set_progress_handler(lambda: process_time() > end, 100_000)
         for name in ("topics", "messages"):
-            found = bag.execute(_TABLE, (name,)).fetchone()
-            if found is None:
+            table = bag.execute(_TABLE, (name,)).fetchone()
+            if table is None:
                 raise ValueError(f"the database is no ROS 2 bag: it has no table {name!r}")
-            if found != ("table", 1, 0):
+            if table != ("table", 1, 0):
                 raise ValueError(f"the database is no ROS 2 bag: {name!r} is no plain table")
     except BaseException:
         bag.close()

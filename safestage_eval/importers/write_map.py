@@ -48,8 +48,8 @@ def map_skeleton(source: Path, settings: Settings | None = None, *, only: str | 
     if not source.exists():
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
     with Here(Target(Path(), False, settings)) as reading:
-        found = list(islice(recognised_in(source, Path(), reading, only), TASKS))
-    for path, kind in found:
+        sources = list(islice(recognised_in(source, Path(), reading, only), TASKS))
+    for path, kind in sources:
         if isinstance(kind, InputError):
             failure = kind
             continue
@@ -66,7 +66,7 @@ def map_skeleton(source: Path, settings: Settings | None = None, *, only: str | 
             failure = error if isinstance(error, InputError) else failure
         finally:
             opened.close()
-    if not found:
+    if not sources:
         raise unrecognised(source, only)
     if not episodes and not columns and failure is not None:
         raise failure
@@ -79,8 +79,8 @@ def _lines(
     yield f"# Map file for {printable(source.name)} (docs/import/map.md). Complete it, then:"
     yield f"#   safestage import {printable(str(source))} --to dataset/ --map THIS_FILE"
     yield "# What is commented out is guessed, or waits for a value: correct it and take the # away."
-    told = dict.fromkeys(f"{error.what} {error.fix}" for error in noted)
-    for line in told:
+    missing = dict.fromkeys(f"{error.what} {error.fix}" for error in noted)
+    for line in missing:
         yield f"# Missing: {printable(' '.join(line.split()))}"
     yield ""
     yield "[source]"

@@ -141,8 +141,12 @@ class Paired:
         self, seed: int = 0, resamples: int = RESAMPLES, confidence: float = CONFIDENCE
     ) -> tuple[float, float] | None:
         """As ``bootstrap``; where all tasks differ alike, so that it has no width, ``newcombe``'s."""
-        found = self.bootstrap(seed, resamples, confidence)
-        return newcombe(*self.sums, confidence) if found and found[0] == found[1] else found
+        interval = self.bootstrap(seed, resamples, confidence)
+        return (
+            newcombe(*self.sums, confidence)
+            if interval and interval[0] == interval[1]
+            else interval
+        )
 
 
 def newcombe(

@@ -191,8 +191,8 @@ def _lines(where: str, text: TextIO, allowed: str) -> Iterator[dict[str, Any]]:
 
 def _csv(where: str, text: TextIO) -> Iterator[dict[str, Any]]:
     try:
-        for number, found in enumerate(csv.DictReader(text), 1):
-            row = {name: from_cell(x) if isinstance(x, str) else x for name, x in found.items()}
+        for number, entry in enumerate(csv.DictReader(text), 1):
+            row = {name: from_cell(x) if isinstance(x, str) else x for name, x in entry.items()}
             place = f"{where}, row {number}"
             if row.get(None):
                 raise InputError(place, "it has more cells than there are columns.")

@@ -35,8 +35,8 @@ def power_of(n: int, m: int, first: float, second: float) -> float:
     i, j = np.arange(n + 1)[:, None], np.arange(m + 1)[None]
     pooled_rate = (i + j) / (n + m)
     spread = np.sqrt(pooled_rate * (1 - pooled_rate) * (1 / n + 1 / m))
-    found = np.abs(i / n - j / m) > _z(1 - ALPHA / 2) * spread + 1e-12
-    return float(_binomial(n, first) @ found @ _binomial(m, second))
+    significant = np.abs(i / n - j / m) > _z(1 - ALPHA / 2) * spread + 1e-12
+    return float(_binomial(n, first) @ significant @ _binomial(m, second))
 
 
 def _binomial(n: int, rate: float) -> NDArray[np.float64]:

@@ -112,8 +112,8 @@ def read_manifest(path: Path) -> dict[str, Any]:
         raise InputError(
             str(path), "not the manifest of an evaluation.", f"a statement of {PREDICATE}"
         )
-    found: dict[str, Any] = statement
-    return found
+    manifest: dict[str, Any] = statement
+    return manifest
 
 
 def digest_of(path: Path) -> str:

@@ -79,33 +79,36 @@ def verify(
     Raises:
         InputError: results that cannot be read.
     """
-    found = Verification()
+    verification = Verification()
     by_episode: dict[str, list[dict[str, Any]]] = {}
     for row in read_rows(results):
         by_episode.setdefault(str(row.get("episode_id")), []).append(row)
-        found.rows += 1
-    found.episodes = len(by_episode)
+        verification.rows += 1
+    verification.episodes = len(by_episode)
     if not by_episode and statement is None:
         raise InputError(str(results), "it has no rows.", "results of: safestage score")
-    stated = _compare_manifest(found, results, settings, statement)
+    stated = _compare_manifest(verification, results, settings, statement)
     for name in sorted(stated.keys() ^ by_episode.keys()) if statement is not None else ():
         place = "the manifest" if name in stated else "the results"
-        found.differences.append(f"{name}: is in {place} alone")
+        verification.differences.append(f"{name}: is in {place} alone")
     stored = {ref.episode_id: ref for ref in refs}
     names = sorted(by_episode)
     chosen = set(random.Random(seed).sample(names, min(sample, len(names)))) if sample is not None else set(names)  # noqa: S311 # fmt: skip
     for done, name in enumerate(names, 1):
         _verify_one(
-            found, name, by_episode[name], stored.get(name), stated.get(name), settings,
+            verification, name, by_episode[name], stored.get(name), stated.get(name), settings,
             judge=name in chosen,
         )  # fmt: skip
         if progress is not None:
             progress(done, len(names))
-    return found
+    return verification
 
 
 def _compare_manifest(
-    found: Verification, results: Path, settings: Settings, statement: Mapping[str, Any] | None
+    verification: Verification,
+    results: Path,
+    settings: Settings,
+    statement: Mapping[str, Any] | None,
 ) -> dict[str, dict[str, str]]:
     """Episode → digests that a manifest states; what it says of results, rules and evaluator is compared."""
     if statement is None:
@@ -113,12 +116,14 @@ def _compare_manifest(
     predicate = statement["predicate"]
     digests = {subject.get("digest", {}).get("sha256") for subject in statement["subject"]}
     if digest_of(results) not in digests:
-        found.differences.append(f"{results}: not the file that the manifest is about")
+        verification.differences.append(f"{results}: not the file that the manifest is about")
     if predicate["rules"].get("digest") != settings.rule_set.digest:
-        found.differences.append("rules: they mean something else than those of the manifest")
+        verification.differences.append(
+            "rules: they mean something else than those of the manifest"
+        )
     evaluator = predicate["evaluator"]
     if (evaluator.get("version"), evaluator.get("code")) != (__version__, code_version()):
-        found.notes.append(
+        verification.notes.append(
             f"judged by safestage {evaluator.get('version')}, code {str(evaluator.get('code'))[:12]}; "
             f"verified by {__version__}, code {code_version()[:12]}"
         )
@@ -130,7 +135,7 @@ def _compare_manifest(
 
 
 def _verify_one(
-    found: Verification,
+    verification: Verification,
     name: str,
     rows: list[dict[str, Any]],
     ref: EpisodeRef | None,
@@ -140,25 +145,29 @@ def _verify_one(
     judge: bool,
 ) -> None:
     if ref is None:
-        found.missing.append(f"{name}: is not among the traces")
+        verification.missing.append(f"{name}: is not among the traces")
         return
     try:
         digests = opened(ref)
     except InputError as error:
-        found.missing.append(str(error))
+        verification.missing.append(str(error))
         return
-    found.digests += 1
+    verification.digests += 1
     for part, digest in (stated or {}).items():
         if digests.get(part) != digest:
-            found.differences.append(f"{name}: its {part} is not the one that the manifest states")
+            verification.differences.append(
+                f"{name}: its {part} is not the one that the manifest states"
+            )
     if any(row.get("trace_hash") != digests["content"] for row in rows):
-        found.differences.append(f"{name}: its content is not that of the results' trace_hash")
+        verification.differences.append(
+            f"{name}: its content is not that of the results' trace_hash"
+        )
     if judge:
-        _judge_again(found, name, rows, ref, settings)
+        _judge_again(verification, name, rows, ref, settings)
 
 
 def _judge_again(
-    found: Verification,
+    verification: Verification,
     name: str,
     rows: list[dict[str, Any]],
     ref: EpisodeRef,
@@ -166,23 +175,23 @@ def _judge_again(
 ) -> None:
     result = score_episode(ref, settings.rule_set, **settings.arguments())
     if isinstance(result, Problem):
-        found.missing.append(result.message)
+        verification.missing.append(result.message)
         return
-    found.judged += 1
+    verification.judged += 1
     again = {str(row["rule"]): row for row in result.rows()}
     before = {str(row.get("rule")): row for row in rows}
     for rule in sorted(again.keys() ^ before.keys()):
         place = "the results" if rule in before else "judging again"
-        found.differences.append(f"{name}: {rule} has a verdict in {place} alone")
+        verification.differences.append(f"{name}: {rule} has a verdict in {place} alone")
     if len(before) != len(rows):
-        found.differences.append(f"{name}: a rule has several rows")
+        verification.differences.append(f"{name}: a rule has several rows")
     for rule in sorted(again.keys() & before.keys()):
         for column in COMPARED:
             if column not in before[rule]:
                 continue
             old, new = _plain(before[rule][column]), _plain(again[rule][column])
             if old != new:
-                found.differences.append(
+                verification.differences.append(
                     f"{name}: {rule}: {column} is {new!r}, results say {old!r}"
                 )
 

@@ -94,8 +94,8 @@ def _by_code(audit: Audit) -> list[tuple[Check, str, list[Finding]]]:
     def key(finding: Finding) -> tuple[int, str]:
         return SEVERITIES.index(finding.severity), finding.code
 
-    found = groupby(sorted(audit.findings, key=key), key)
-    return [(CHECKS[code], SEVERITIES[rank], [*some]) for (rank, code), some in found]
+    groups = groupby(sorted(audit.findings, key=key), key)
+    return [(CHECKS[code], SEVERITIES[rank], [*some]) for (rank, code), some in groups]
 
 
 def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> str:
@@ -171,13 +171,13 @@ def _junit(audit: Audit) -> str:
     root = ET.Element("testsuites", name="safestage audit")
     for code in audit.checks:
         suite = ET.SubElement(root, "testsuite", name=f"{code} {CHECKS[code].title}")
-        found = [finding for finding in audit.findings if finding.code == code]
-        for finding in found:
+        mine = [finding for finding in audit.findings if finding.code == code]
+        for finding in mine:
             name = finding.place.episode or CHECKS[code].of
             case = ET.SubElement(suite, "testcase", classname=code, name=name)
             kind = "failure" if finding.severity == "error" else "skipped"
             ET.SubElement(case, kind, message=_sentence(finding))
-        if not found:
+        if not mine:
             ET.SubElement(suite, "testcase", classname=code, name=CHECKS[code].of)
     if audit.problems:
         suite = ET.SubElement(root, "testsuite", name="unreadable")

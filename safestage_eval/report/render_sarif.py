@@ -57,8 +57,8 @@ def render_sarif(
     marks: Iterable[Mark], helps: Mapping[str, Help], problems: Iterable[tuple[str, str]] = ()
 ) -> str:
     """One run; ``problems``: path and message of each trace that could not be read."""
-    found = list(marks)
-    codes = sorted({*helps, *(mark.rule for mark in found)})
+    listed = list(marks)
+    codes = sorted({*helps, *(mark.rule for mark in listed)})
     notifications = [
         {"level": "error", "message": _text(message), "locations": [_place(path)]}
         for path, message in problems
@@ -77,7 +77,7 @@ def render_sarif(
                 "toolExecutionNotifications": notifications,
             }
         ],
-        "results": [_result(mark, codes.index(mark.rule)) for mark in found],
+        "results": [_result(mark, codes.index(mark.rule)) for mark in listed],
         "columnKind": "unicodeCodePoints",
     }
     return to_json({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, 1) + "\n"

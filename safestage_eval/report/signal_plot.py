@@ -80,11 +80,11 @@ def panels(
 def _panels(
     again: Again, names: Sequence[str], tell: Callable[[int, int | None], None]
 ) -> list[Panel]:
-    found = []
+    panels = []
     for name in names:
-        found.append(_panel(again, name))
-        tell(len(found), len(names))
-    return found
+        panels.append(_panel(again, name))
+        tell(len(panels), len(names))
+    return panels
 
 
 def _deciding(again: Again, rule: ast.Scoped) -> list[str]:

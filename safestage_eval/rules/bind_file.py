@@ -209,9 +209,9 @@ class _Checker:
         return out
 
     def _tables(self, kind: str) -> Mapping[str, Any]:
-        found = self._file.table.get(kind, {})
-        if isinstance(found, Mapping):
-            return found
+        tables = self._file.table.get(kind, {})
+        if isinstance(tables, Mapping):
+            return tables
         self._usage.report("R203", (kind,), f'"{kind}" must be a table', f"[{kind}.NAME]")
         return {}
 

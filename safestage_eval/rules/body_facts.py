@@ -32,13 +32,13 @@ class BodyFacts:
 def with_facts(body: Body, facts: Mapping[str, BodyFacts]) -> Body:
     """A body with what is said of it under its name or a pattern; the name wins, then the later one."""
     fitting = [fact for name, fact in facts.items() if fnmatchcase(body.name, name)]
-    told: dict[str, Any] = {}
+    update: dict[str, Any] = {}
     for fact in (*fitting, *(fact for name, fact in facts.items() if name == body.name)):
         if fact.up is not None:
             length = float(np.linalg.norm(fact.up)) if fact.up else 1.0
-            told["up_axis"] = tuple(part / length for part in fact.up) if fact.up else None
-            told["untold"] = tuple(name for name in body.untold if name != "up_axis")
-        told |= {
+            update["up_axis"] = tuple(part / length for part in fact.up) if fact.up else None
+            update["untold"] = tuple(name for name in body.untold if name != "up_axis")
+        update |= {
             name: value for name in ("finger", "material", "tags") if (value := getattr(fact, name))
         }
-    return body.model_copy(update=told) if told else body
+    return body.model_copy(update=update) if update else body

@@ -200,16 +200,16 @@ class _FileChecker(Obligations):
             usage.report(
                 "R416", at, f"{operation} takes {takes}, not {len(operands)}", spec.meaning
             )
-        found = 0
+        count = 0
         look = self._state_operand if spec.of_state else self._operand
         for index, value in enumerate(operands):
             where = (*at, index) if isinstance(table[operation], list) else at
-            found += look(value, where, scope)
-        if operands and not found and not spec.of_state:
+            count += look(value, where, scope)
+        if operands and not count and not spec.of_state:
             usage.report("R416", at, "constants alone are no signal", "at least one signal")
         given = [usage.names.operand_dimension(one) for one in operands]
         if (
-            found
+            count
             and not spec.of_state
             and None not in given
             and spec.least <= len(given) <= spec.most

@@ -56,12 +56,12 @@ class CommandBinding:
         roles = []
         for role, patterns in self.roles:
             taken = {body for other, bodies in others.items() if other != role for body in bodies}
-            found: dict[str, None] = {}
+            codes: dict[str, None] = {}
             for pattern in patterns:
-                found |= dict.fromkeys(_matches(role, pattern, header, taken))
-            if patterns and not found:
+                codes |= dict.fromkeys(_matches(role, pattern, header, taken))
+            if patterns and not codes:
                 raise _no_body(role, ",".join(patterns), header)
-            roles.append((role, tuple(found)))
+            roles.append((role, tuple(codes)))
         return ast.TaskDef(header.task or "", rules=self.rules, roles=tuple(roles))
 
 

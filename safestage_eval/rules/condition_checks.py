@@ -169,11 +169,11 @@ class Usage(References):
 
 def _of_states(key: str) -> ast.PastAtom | ast.PairAtom:
     """As ``parse.of_states``. Raises GrammarError."""
-    found = parse.of_states(key)
-    if found is None:
+    atom = parse.of_states(key)
+    if atom is None:
         raise parse.GrammarError(
             f"{key!r} does not say of which states, and when",
             "once[DUR, DUR] state(role, …), always[DUR, DUR] state(…), "
             "state(…) since[DUR, DUR] state(…), state(…) iff state(…), state(…) xor state(…)",
         )
-    return found
+    return atom

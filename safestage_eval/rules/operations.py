@@ -118,11 +118,11 @@ def dimension_of_result(operation: Operation, given: Sequence[str]) -> str:
     powers["s"] = powers.get("s", 0) + seconds
     if set(given) <= {"number", "ratio"} and not seconds:
         return "number" if "number" in given else "ratio"
-    found = dimension_of_powers(powers)
-    if found is None:
+    known = dimension_of_powers(powers)
+    if known is None:
         unit = " ".join(f"{u}^{p}" if p != 1 else u for u, p in sorted(powers.items()) if p)
         raise DimensionError(
             f"{operation} of {' and '.join(given)} is in {unit}, for which there is no unit",
             "results in a unit of the language (docs/rules.md)",
         )
-    return found
+    return known

@@ -19,13 +19,13 @@ def parse_settings(settings: Sequence[str]) -> dict[str, str]:
     Raises:
         RuleError: no ``name=value``.
     """
-    found = {}
+    values = {}
     for text in settings:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not value or not re.fullmatch(parse.NAME, name):
             raise RuleError(f"--set {text}", "not a setting.", 'name=value: --set edge="3 cm"')
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, ast.Setting]:

@@ -76,18 +76,18 @@ class Binding:
         ``used``: names of the parameters that the rule reads. One text each, such as
         ``target = mug: trace header``, ``edge = 3 cm: --set``, ``assigned: family pour``.
         """
-        told = [
+        lines = [
             f"{name} = {', '.join(self.roles[name])}: {self.provenance[f'roles.{name}']}"
             for name, _ in rule.roles
             if name in self.roles
         ]
-        told += [
+        lines += [
             f"{name} = {self._values[name].text}: {self.provenance[f'param.{name}']}"
             for name in sorted(set(used) & self._values.keys())
         ]
         if rule.code in self.assigned:
-            told.append(f"assigned: {self.provenance['rules']}")
-        return tuple(told)
+            lines.append(f"assigned: {self.provenance['rules']}")
+        return tuple(lines)
 
     @property
     def rules(self) -> ast.RuleSet:
@@ -157,18 +157,18 @@ class Binding:
         scoped = self._rules.scoped
         if self.provenance.get("rules", BY_ROLES) == BY_ROLES:
             unbound = {role for rule in scoped.values() for role in self.unbound(rule)}
-            found = [
+            warnings = [
                 f'{self.provenance[f"roles.{wrong}"]} has a role "{wrong}", did you mean "{role}"?'
                 for role in sorted(unbound)
                 if (wrong := self.misnamed(role))
             ]
         else:
-            found = [
+            warnings = [
                 self.binds_none(code, missing)
                 for code in self.assigned
                 if code in scoped and (missing := self.unbound(scoped[code]))
             ]
-        return [*found, *self.untagged]
+        return [*warnings, *self.untagged]
 
     def goal_players(self) -> dict[str, tuple[str, ...]]:
         """Role of the goal → bodies."""
@@ -226,12 +226,12 @@ def bind_episode(
             assigned, provenance["rules"] = layer.rules, source
         if layer.goal:
             goal, provenance["goal"] = layer.goal, source
-    found, notes = _goal(rules, header, goal)
-    demand_players(rules, found, header, roles, provenance)
+    goal_def, notes = _goal(rules, header, goal)
+    demand_players(rules, goal_def, header, roles, provenance)
     chosen = parse_overrides(rules, overrides or {})
     values.update(chosen)
     provenance.update({f"param.{name}": "--set" for name in chosen})
-    binding = Binding(roles, assigned, found, family, provenance, notes, rules, values)
+    binding = Binding(roles, assigned, goal_def, family, provenance, notes, rules, values)
     if assigned:
         return replace(binding, untagged=tuple(_untagged(binding, assigned, header)))
     playable = tuple(code for code, rule in rules.scoped.items() if binding.playable(rule, header))

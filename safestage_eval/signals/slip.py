@@ -25,10 +25,10 @@ def slip(request: SupportRequest) -> Series:
     because it moves along with the gripper cannot slip, so such a grip does not tell.
     """
     relations, body = request.relations, request.bodies[0]
-    told = relations.fingers_seen or not relations.blind
-    held = relations.get("held", [body]) if told else None
+    decidable = relations.fingers_seen or not relations.blind
+    held = relations.get("held", [body]) if decidable else None
     drift = drift_of(request.episode, body, held, request.since)
-    if told:
+    if decidable:
         drift = replace(drift, notes=(*drift.notes, *relations.caveat("held")))
     unseen = request.episode.unseen
     return drift if unseen is None else hide(drift, np.logical_or.accumulate(unseen))

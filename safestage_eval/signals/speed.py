@@ -110,5 +110,5 @@ def relative_speed(request: Request) -> Series:
         [request.facts.com_velocity(name) for name in group] for group in request.groups
     )
     pairs = [distances(a, b) for a, _ in first for b, _ in second]
-    notes = tuple(dict.fromkeys(note for _, told in first + second for note in told))
+    notes = tuple(dict.fromkeys(note for _, notes in first + second for note in notes))
     return request.exact(np.maximum.reduce(pairs), notes)

@@ -240,10 +240,10 @@ class Evaluator(PartialStates):
     @property
     def success_at_sample(self) -> bool:
         """Success came when a sample was taken, as its recorded time says."""
-        told = self.episode.header.success_time
-        if told is None or self.success is None or self.success >= self.frames:
+        stated = self.episode.header.success_time
+        if stated is None or self.success is None or self.success >= self.frames:
             return False
-        return abs(float(self.episode.t[self.success]) - told) < 1e-6
+        return abs(float(self.episode.t[self.success]) - stated) < 1e-6
 
     def truth(self, event: ast.Event, env: Env) -> Truth:
         """The frames of an event; of a bare state, all frames where it holds.

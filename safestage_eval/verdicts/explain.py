@@ -52,10 +52,10 @@ def inconclusive(cause: str, remedy: str = "") -> str:
 
 def cause_and_remedy(explanation: str) -> tuple[str, str]:
     """Cause and remedy given to ``inconclusive``, without full stops; ("", "") for other sentences."""
-    told = re.fullmatch(
+    match = re.fullmatch(
         r"Cannot be decided: (.+?)\.?(?: ([A-Z](?:[^.]|\.(?=\S))*)\.)?", explanation
     )
-    cause, remedy = told.groups(default="") if told else ("", "")
+    cause, remedy = match.groups(default="") if match else ("", "")
     return cause, remedy[:1].lower() + remedy[1:]
 
 

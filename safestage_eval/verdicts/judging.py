@@ -284,10 +284,10 @@ class Judge:
         found = next(combinations(rule, players, bound), None)
         if found is not None or rule.code not in self.binding.assigned:
             return
-        told = [f"{name} = {', '.join(players[name])}" for name in bound]
+        shared = [f"{name} = {', '.join(players[name])}" for name in bound]
         raise RuleError(
             f"task {self._episode.header.task or 'without a name'}, rule {rule.code}",
-            f"its roles need different bodies, but {' and '.join(told)}.",
+            f"its roles need different bodies, but {' and '.join(shared)}.",
             "a body of its own for each role",
             "correct the roles in the trace header, the rule file or a bind file",
         )

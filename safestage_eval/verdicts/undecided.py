@@ -254,8 +254,8 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
         if earlier is not None and earlier.since is not None and reference.since is not None:
             came = int(earlier.since[frame])
             if came != reference.since[frame]:
-                told = f"{ast.Call(atom.call.name, asked.bodies)}{since(atom, env)}"
-                return f"{told} is not known: that came{_apart(evaluator, came)}"
+                measured = f"{ast.Call(atom.call.name, asked.bodies)}{since(atom, env)}"
+                return f"{measured} is not known: that came{_apart(evaluator, came)}"
     series = evaluator.series(atom, env, here)
     remedied = [note for note in series.notes if _remedied(note)]
     if remedied:

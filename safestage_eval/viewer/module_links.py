@@ -39,12 +39,12 @@ def linked(entry: str, package: str = "safestage_eval.viewer.browser") -> str:
         text = _IMPORT.sub("", text)
         if re.search(r"^(import|export (?!(async )?function|class|const|let))", text, re.MULTILINE):
             raise ValueError(f"{name}: an import or export of another form than the linker knows")
-        found = _TOP.findall(text)
-        for _, top in found:
+        declared = _TOP.findall(text)
+        for _, top in declared:
             if top in owner:
                 raise ValueError(f"{top!r} stands at the top of {owner[top]} and of {name}")
             owner[top] = name
-        given[name] = {top for exported, top in found if exported}
+        given[name] = {top for exported, top in declared if exported}
         texts[name] = re.sub(r"^export ", "", text, flags=re.MULTILINE)
 
     visit(entry, ())

@@ -54,7 +54,7 @@ class MujocoStates(Importer):
     @classmethod
     def recognise(cls, path: Path) -> str | None:
         """By what one of ``STORES`` finds."""
-        return next((told for store in STORES if (told := store.told_by(path))), None)
+        return next((reason for store in STORES if (reason := store.told_by(path))), None)
 
     def episodes(self) -> Sequence[str]:
         """``demo_1`` or ``episode_000001``, in the order of their numbers."""

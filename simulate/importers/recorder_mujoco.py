@@ -79,11 +79,11 @@ class RecorderMujoco:
                 **assets,
             )  # fmt: skip
             self._ask(source, target, where)
-            with np.load(target, allow_pickle=False) as told:
+            with np.load(target, allow_pickle=False) as archive:
                 sizes = (model.nq, model.nv, model.nbody, model.ngeom)
-                if tuple(told["sizes"].tolist()) != sizes:
+                if tuple(archive["sizes"].tolist()) != sizes:
                     raise self._unusable(where, "it reads another model out of the same file")
-                return Touches(str(told["version"]), _by_frame(told, len(qpos)))
+                return Touches(str(archive["version"]), _by_frame(archive, len(qpos)))
 
     def _ask(self, source: Path, target: Path, where: str) -> None:
         if self._process is None:

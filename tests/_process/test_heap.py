@@ -56,10 +56,10 @@ print(held() - before, bound.hold(), held() - before, bound.hold())
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
 def test_a_process_that_holds_much_hands_free_memory_back():
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", FRAGMENTED], capture_output=True, text=True, check=True
     )
-    freed, looked, left, again = told.stdout.split()
+    freed, looked, left, again = done.stdout.split()
     assert int(freed) > 60
     assert looked == "True"
     assert int(left) < 20
@@ -87,10 +87,10 @@ print(*map(int, looked), (resident(os.getpid()) - before) >> 20)
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
 def test_what_each_episode_takes_is_not_handed_back_each_time():
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", EPISODES], capture_output=True, text=True, check=True
     )
-    *looked, left = told.stdout.split()
+    *looked, left = done.stdout.split()
     assert looked[0] == "1"
     assert looked[1:] == ["0"] * 11
     assert int(left) < 60, "cycles are collected after each episode"

@@ -42,8 +42,8 @@ if __name__ == "__main__":
 def test_a_process_forked_after_others_were_started_starts_its_own(tmp_path):
     script = tmp_path / "forked.py"
     script.write_text(FORKED, encoding="utf-8")
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, script], capture_output=True, text=True, check=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
-    assert told.stdout.split() == ["0", "True"], told.stderr
+    assert done.stdout.split() == ["0", "True"], done.stderr

@@ -54,9 +54,9 @@ def post(server, body, *headers):
 )  # fmt: skip
 def test_a_length_that_is_no_number_is_answered(length):
     with served() as server:
-        status, told = post(server, b"{}", b"Content-Length: " + length)
+        status, body = post(server, b"{}", b"Content-Length: " + length)
         assert status == 400
-        assert json.loads(told)["error"]
+        assert json.loads(body)["error"]
         assert post(server, b"{}", b"Content-Length: 2") == (200, b"{}")
 
 
@@ -69,9 +69,9 @@ def test_a_length_that_is_no_number_is_answered(length):
 )  # fmt: skip
 def test_text_that_cannot_be_stored_is_answered(body):
     with served() as server:
-        status, told = post(server, body, b"Content-Length: %d" % len(body))
+        status, answer = post(server, body, b"Content-Length: %d" % len(body))
         assert status == 400
-        assert json.loads(told)["error"]
+        assert json.loads(answer)["error"]
 
 
 def test_what_is_too_long_is_refused_before_it_is_read():

@@ -39,17 +39,17 @@ def run(*arguments: str):
 
 
 def test_one_line_says_what_was_found(idle: Path) -> None:
-    told = run(str(idle))
-    assert told.exit_code == 0, told.output
-    [line] = [line for line in told.stderr.splitlines() if line.startswith("audit: ")]
+    done = run(str(idle))
+    assert done.exit_code == 0, done.output
+    [line] = [line for line in done.stderr.splitlines() if line.startswith("audit: ")]
     assert line.startswith("audit: 1 error in 1 of 2 episodes; safestage audit ")
     assert "audit:" not in run(str(TRACES)).stderr
 
 
 def test_json_has_the_findings(idle: Path) -> None:
-    told = json.loads(run(str(idle), "--format", "json").stdout)
-    assert told["audit"]["counts"]["error"] == 1
-    codes = {found["code"] for found in told["audit"]["findings"]}
+    document = json.loads(run(str(idle), "--format", "json").stdout)
+    assert document["audit"]["counts"]["error"] == 1
+    codes = {found["code"] for found in document["audit"]["findings"]}
     assert {"AUD321", "AUD352"} <= codes
 
 

@@ -65,23 +65,23 @@ def run(*arguments):
 @pytest.mark.parametrize("form", ["jsonl", "json", "csv", "parquet"])
 def test_any_of_our_formats_gives_the_same(tmp_path, labels, form):
     done = run(labels, "--results", results(tmp_path, form), "-f", "json")
-    told = json.loads(done.stdout)
-    whole = next(row for row in told["by_stage"] if row["stage"] == "All")
+    document = json.loads(done.stdout)
+    whole = next(row for row in document["by_stage"] if row["stage"] == "All")
     assert [whole[name] for name in ("tp", "fp", "fn", "tn")] == [1, 1, 1, 0]
     assert whole["precision"] == whole["recall"] == whole["f1"] == 0.5
-    first, second = told["disagreements"]
+    first, second = document["disagreements"]
     assert (first["episode_id"], first["label"]) == ("e1", "safe")
     (witness,) = first["witnesses"]
     assert witness["time"] == 4.82
     assert witness["bodies"] == ["robot", "can"]
     assert witness["explanation"] == "can was touched."
     assert second["witnesses"][0]["verdict"] == "pass"
-    assert told["left_out"]["undecided"] == ["e3"]
-    assert told["left_out"]["only_labels"] == ["e9"]
+    assert document["left_out"]["undecided"] == ["e3"]
+    assert document["left_out"]["only_labels"] == ["e9"]
 
 
 def test_the_table_says_what_is_left_out_and_why_a_number_is_missing(tmp_path, labels):
-    told = run(labels, "--results", results(tmp_path, "jsonl")).stdout
+    text = run(labels, "--results", results(tmp_path, "jsonl")).stdout
     for line in (
         "e1, ETS: evaluator violation, labels safe (ada: safe, bob: safe)",
         "ETS101 at 4.82 s: can was touched. [robot, can]",
@@ -91,7 +91,7 @@ def test_the_table_says_what_is_left_out_and_why_a_number_is_missing(tmp_path, l
         "–, ISH: precision, recall, F1, accuracy, kappa: nothing to compare",
         "–, ETS: recall: people call nothing unsafe",
     ):
-        assert line in told
+        assert line in text
     assert "| ada" in run(labels, "--results", results(tmp_path, "jsonl"), "-f", "markdown").stdout
 
 
@@ -111,9 +111,9 @@ def test_any_table_with_three_columns_will_do(tmp_path):
     pd.DataFrame({"episode_id": ["a", "b", "c"], "label": ["unsafe", "safe", "safe"]}).to_parquet(
         given
     )
-    told = json.loads(run(str(given), "--results", str(bare), "-f", "json").stdout)
-    assert told["by_stage"][0]["kappa"] == 1
-    assert told["left_out"]["undecided"] == ["c"]
+    document = json.loads(run(str(given), "--results", str(bare), "-f", "json").stdout)
+    assert document["by_stage"][0]["kappa"] == 1
+    assert document["left_out"]["undecided"] == ["c"]
 
 
 def test_files_without_names_are_reviewers_of_their_own(tmp_path):
@@ -122,8 +122,8 @@ def test_files_without_names_are_reviewers_of_their_own(tmp_path):
     for name in ("ada", "bob"):
         (tmp_path / f"{name}.csv").write_text("episode_id,label\na,unsafe\n")
     files = [str(tmp_path / f"{name}.csv") for name in ("ada", "bob")]
-    told = json.loads(run(*files, "--results", str(bare), "-f", "json").stdout)
-    assert told["between_reviewers"]["pairs"][0]["alike"] == 1
+    document = json.loads(run(*files, "--results", str(bare), "-f", "json").stdout)
+    assert document["between_reviewers"]["pairs"][0]["alike"] == 1
     only = run(*files, "--results", str(bare), "-f", "json", "--reviewer", "bob").stdout
     assert json.loads(only)["between_reviewers"]["pairs"] == []
     with pytest.raises(InputError, match="ada, bob"):

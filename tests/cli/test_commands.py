@@ -131,8 +131,8 @@ def test_a_reader_that_goes_away_is_no_failure(arguments):
     ],
 )
 def test_the_shell_completes_as_help_says(typed, offered):
-    told = run("--help").text
-    assert "_SAFESTAGE_COMPLETE=bash_source safestage" in told
+    text = run("--help").text
+    assert "_SAFESTAGE_COMPLETE=bash_source safestage" in text
     words = typed.split()
     asked = {"COMP_WORDS": typed, "COMP_CWORD": str(len(words) - 1)}
     done = subprocess.run(

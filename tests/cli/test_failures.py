@@ -54,7 +54,7 @@ def test_a_misspelt_choice_is_answered_with_the_nearest(capsys, given, said):
     with pytest.raises(SystemExit) as end, pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", ["safestage", "--form", given])
         run(command)
-    told = capsys.readouterr().err
+    printed = capsys.readouterr().err
     assert end.value.code == 2
-    assert said in told
-    assert ("Did you mean" in told) == bool(said)
+    assert said in printed
+    assert ("Did you mean" in printed) == bool(said)

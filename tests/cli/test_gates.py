@@ -53,8 +53,8 @@ def run(capsys: Any, monkeypatch: Any, *arguments: str) -> tuple[int, str, str]:
     monkeypatch.setattr("sys.argv", ["safestage", "score", "--jobs", "1", *arguments])
     with pytest.raises(SystemExit) as caught:
         main()
-    told = capsys.readouterr()
-    return int(caught.value.code or 0), told.out, told.err
+    printed = capsys.readouterr()
+    return int(caught.value.code or 0), printed.out, printed.err
 
 
 @pytest.fixture

@@ -53,10 +53,10 @@ def test_without_rules_all_built_in_ones(traces):
 
 def test_table_says_when_why_and_by_how_much(traces):
     done = run("score", traces, "--rules", "fsh")
-    told = " ".join(done.text.split())
+    text = " ".join(done.text.split())
     assert done.code == 0
     for fact in ("unsafe", "FSH101", "4.50 s", "0.5 cm", "2.0 cm", "100.0 2/2", "50.0 1/2"):
-        assert fact in told
+        assert fact in text
 
 
 def test_single_files_and_repeated_ones(traces):
@@ -417,6 +417,6 @@ def test_a_value_close_to_its_limit_is_told_apart_from_it(traces):
     asked = "score", traces / "unsafe.mcap", "--assigned"
     (row,) = run(*asked, "-f", "jsonl").rows
     done = run(*asked, "--set", f"edge={row['value'] + 1e-4:.6f} {row['unit']}")
-    told = re.search(r"was (\S+) cm at .*the limit is (\S+) cm", " ".join(done.text.split()))
-    assert told is not None
-    assert float(told[1]) < float(told[2])
+    match = re.search(r"was (\S+) cm at .*the limit is (\S+) cm", " ".join(done.text.split()))
+    assert match is not None
+    assert float(match[1]) < float(match[2])

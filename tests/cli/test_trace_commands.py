@@ -233,8 +233,8 @@ def test_a_limit_of_another_size_moves_the_events(traces, tmp_path):
     for value, violated in (("4 mm", False), ("2 cm", True)):
         out = tmp_path / value.replace(" ", "")
         run("convert", traces, "--to", "mcap", "--out", out, "-r", "fsh", "--set", f"edge={value}")
-        told = any("violation" in log.message for _, log in logs(out / "unsafe.mcap"))
-        assert told is violated
+        moved = any("violation" in log.message for _, log in logs(out / "unsafe.mcap"))
+        assert moved is violated
 
 
 def test_a_copy_without_events_is_a_copy(traces, tmp_path):

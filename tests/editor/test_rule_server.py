@@ -95,13 +95,13 @@ def test_diagnostics_are_those_of_the_checker(client, tmp_path, before, after):
     text = SOUND.replace(before, after)
     path = tmp_path / "wrong.toml"
     path.write_text(text, "utf-8")
-    told = client.open(path, text)
+    diagnostics = client.open(path, text)
     own = [one for one in check_rules([path]) if one.path.endswith("wrong.toml")]
-    assert told
-    assert [(d["code"], d["range"]["start"]["line"] + 1) for d in told] == [
+    assert diagnostics
+    assert [(d["code"], d["range"]["start"]["line"] + 1) for d in diagnostics] == [
         (one.code, one.line) for one in own
     ]
-    for found, one in zip(told, own, strict=True):
+    for found, one in zip(diagnostics, own, strict=True):
         assert found["message"].split("\n")[0] == one.what
         length = len(text.split("\n")[one.line - 1])  # a range does not go beyond its line
         assert found["range"]["start"]["character"] == min(one.column - 1, length)
@@ -112,11 +112,11 @@ def test_columns_are_counted_in_utf_16(client, tmp_path):
     """A robot face is one character to the checker, and two units of the protocol."""
     line = 'examples = { passes = ["🤖🤖"], violated = [] }'
     text = SOUND + line
-    (told,) = client.open(tmp_path / "faces.toml", text)
+    (diagnostic,) = client.open(tmp_path / "faces.toml", text)
     at = line.index("violated") + 2
-    assert told["code"] == "R201"
-    assert told["range"]["start"]["character"] == at
-    assert told["range"]["end"]["character"] == at + len("violated")
+    assert diagnostic["code"] == "R201"
+    assert diagnostic["range"]["start"]["character"] == at
+    assert diagnostic["range"]["end"]["character"] == at + len("violated")
     client.change(text.replace("🤖🤖", "ab"))
     page = client.at("hover", text, text.index("examples"))
     assert page is not None
@@ -125,9 +125,11 @@ def test_columns_are_counted_in_utf_16(client, tmp_path):
 def test_what_is_wrong_in_an_extended_file_is_said_where_it_is_extended(client, tmp_path):
     (tmp_path / "base.toml").write_text(HEAD.replace('"5 cm"', '"5 parsec"'), "utf-8")
     text = SOUND.replace('["defaults"]', '["base.toml"]')
-    told = client.open(tmp_path / "mine.toml", text)
+    diagnostics = client.open(tmp_path / "mine.toml", text)
     at = text.split("\n").index('extends = ["base.toml"]')
-    assert any(d["range"]["start"]["line"] == at and "base.toml:8" in d["message"] for d in told)
+    assert any(
+        d["range"]["start"]["line"] == at and "base.toml:8" in d["message"] for d in diagnostics
+    )
 
 
 def test_an_open_file_counts_as_it_is_typed_not_as_it_was_saved(client, tmp_path):

@@ -22,12 +22,12 @@ def camera(**more: Any) -> Camera:
 @pytest.mark.parametrize("name", ["episode.mcap", "dataset"])
 def test_both_forms_keep_them(tmp_path: Path, name: str) -> None:
     writer = everything()
-    told = writer.header
-    assert told.cameras
-    assert told.video is not None
+    header = writer.header
+    assert header.cameras
+    assert header.video is not None
     writer.close(tmp_path / name)
     found = load(tmp_path / name).header
-    assert (found.cameras, found.video) == (told.cameras, told.video)
+    assert (found.cameras, found.video) == (header.cameras, header.video)
 
 
 @pytest.mark.parametrize("name", ["episode.mcap", "dataset"])

@@ -56,9 +56,9 @@ def test_an_ordinary_body_passes_at_a_glance():
 
 
 def test_a_kind_that_does_not_exist_suggests_the_nearest():
-    with pytest.raises(ValidationError) as told:
+    with pytest.raises(ValidationError) as caught:
         Body(name="a", kind="objct")
-    assert told.value.__notes__ == ["kind: did you mean 'object'?"]
-    with pytest.raises(ValidationError) as told:
+    assert caught.value.__notes__ == ["kind: did you mean 'object'?"]
+    with pytest.raises(ValidationError) as caught:
         Body(name="a", kind="zzz")
-    assert not hasattr(told.value, "__notes__")
+    assert not hasattr(caught.value, "__notes__")

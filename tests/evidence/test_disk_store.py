@@ -273,12 +273,12 @@ def test_several_processes_share_a_folder(tmp_path):
         )
         for order in (values, values[::-1])
     ]  # fmt: skip
-    told = [run.communicate(timeout=300)[0].splitlines() for run in runs]
+    listed = [run.communicate(timeout=300)[0].splitlines() for run in runs]
     truth = []
     for value in values:
         scores = score_paths([TRACES], ["fsh"], overrides={"edge": value}, jobs=1)
         truth.append(str([(r.episode_id, [v.verdict for v in r.verdicts]) for r in scores.results]))
-    assert told == [truth, truth[::-1]]
+    assert listed == [truth, truth[::-1]]
     assert not list(tmp_path.rglob("*.part"))
 
 

@@ -151,8 +151,8 @@ def pressed_by_all(peaks):
     """The peak of all forces on a box, of those of the table alone; ``peaks``: N, by pair."""
     episode = resting(push=3.0)
     contacts = episode.contacts
-    told = np.where(contacts.body1 == 0, *peaks).astype(np.float32)
-    episode = replace(episode, _contacts=replace(contacts, peak_force=told))
+    values = np.where(contacts.body1 == 0, *peaks).astype(np.float32)
+    episode = replace(episode, _contacts=replace(contacts, peak_force=values))
     scene = episode.header.model_copy(
         update={
             "bodies": tuple(

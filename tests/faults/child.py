@@ -20,13 +20,13 @@ class Child:
         self, victim: Victim, folder: Path, before: Callable[[], None] = lambda: None
     ) -> None:
         """Forks: a process that has to load everything anew would mostly die loading."""
-        self._committed, told = os.pipe()
+        self._committed, writing = os.pipe()
         self.log = folder.parents[1] / "child.log"
         self.pid = os.fork()
         if self.pid == 0:
             os.close(self._committed)
-            self._work(victim, folder, told, before)
-        os.close(told)
+            self._work(victim, folder, writing, before)
+        os.close(writing)
         self.code: int | None = None
 
     def _work(self, victim: Victim, folder: Path, told: int, before: Callable[[], None]) -> None:

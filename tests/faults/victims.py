@@ -188,12 +188,12 @@ class Scorer(Victim):
                 rows = parts.adopt(path.name)
                 assert rows, f"{path} is half a file"
                 for row in rows:
-                    told = json.loads(parts.line(row))
-                    truth = self.results[told["episode_id"]]
-                    assert told["trace_hash"] == truth.trace_hash
-                    verdicts = [(v["rule"], v["verdict"], v["time"]) for v in told["verdicts"]]
+                    document = json.loads(parts.line(row))
+                    truth = self.results[document["episode_id"]]
+                    assert document["trace_hash"] == truth.trace_hash
+                    verdicts = [(v["rule"], v["verdict"], v["time"]) for v in document["verdicts"]]
                     assert verdicts == [(v.rule, v.verdict, v.time) for v in truth.verdicts]
-                    found.add(told["episode_id"])
+                    found.add(document["episode_id"])
         return found
 
 

@@ -44,8 +44,8 @@ def test_opening_an_episode_loads_nothing_to_compute():
         f"ref = next(r for r in discover({str(TRACES)!r}) if r.format == 'parquet'); "
         "ref.open().frames; print(*{'pandas', 'pyarrow.compute'} & {*sys.modules})"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not told.stdout.strip()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not done.stdout.strip()
 
 
 @pytest.mark.parametrize("code", [-1, 2])

@@ -121,10 +121,10 @@ def test_a_footer_that_contradicts_itself_does_not_end_the_process(tmp_path, pla
             if not index:
                 pq.write_table(pq.read_table(file), file, compression="lz4", row_group_size=3)
             rewritten(file, change, lists=place == "lists")
-    told = ends_well(READ, *made).splitlines()
-    assert len(told) == len(made)
-    assert all("not a whole Parquet file" in line or "read: (8, " in line for line in told)
-    assert "told:" in told[0]
+    lines = ends_well(READ, *made).splitlines()
+    assert len(lines) == len(made)
+    assert all("not a whole Parquet file" in line or "read: (8, " in line for line in lines)
+    assert "told:" in lines[0]
 
 
 IMPORT = """
@@ -149,10 +149,10 @@ def test_nor_does_one_of_a_recording_that_is_imported(tmp_path):
         write_lerobot(made[-1], [scene.episode(success=True, success_time=1.0)], "v2.1")
         for file in made[-1].rglob("data/**/*.parquet"):
             rewritten(file, change)
-    told = ends_well(IMPORT, *made).splitlines()
-    assert len(told) == len(made)
-    assert all("cannot be read" in line or "read: action" in line for line in told)
-    assert "told:" in told[0]
+    lines = ends_well(IMPORT, *made).splitlines()
+    assert len(lines) == len(made)
+    assert all("cannot be read" in line or "read: action" in line for line in lines)
+    assert "told:" in lines[0]
 
 
 def test_columns_that_are_missing_from_a_row_group_are_told(tmp_path):

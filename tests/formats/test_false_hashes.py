@@ -119,9 +119,9 @@ def test_data_edited_under_the_old_hash(one, digests):
     edit_bodies(one, "position.z", 0.25)
     if not digests:
         edit_row(one, digests=None)
-    told = problem(one)
-    assert "content hash" in told
-    assert not digests or "position.z" in told
+    message = problem(one)
+    assert "content hash" in message
+    assert not digests or "position.z" in message
 
 
 def test_the_hash_of_another_episode(one, other):
@@ -165,8 +165,8 @@ def test_a_corrected_name_keeps_the_hash(one):
 
 def test_a_forged_hash_with_digests_and_seal_made_to_fit_is_found_by_validate(one):
     mine, lie = row(one), "0" * 64
-    told = json.loads(mine["digests"])["crc32"]
-    forged = {"crc32": told, "seal": seal(lie, recorded().header, told)}
+    document = json.loads(mine["digests"])["crc32"]
+    forged = {"crc32": document, "seal": seal(lie, recorded().header, document)}
     edit_row(one, content_hash=lie, digests=json.dumps(forged))
     assert "its hash is" in " ".join(map(str, validate(one)))
 

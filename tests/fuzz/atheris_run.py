@@ -60,9 +60,9 @@ def mcap(folder: Path) -> tuple[list[bytes], One]:
     def one(data: bytes) -> None:
         path = folder / "input.mcap"
         path.write_bytes(data)
-        told = judged(path, whole, "", rules(), damage=True)
-        if told.bad:
-            raise Found(told)
+        result = judged(path, whole, "", rules(), damage=True)
+        if result.bad:
+            raise Found(result)
 
     return [sound], one
 
@@ -82,10 +82,10 @@ def parquet(folder: Path) -> tuple[list[bytes], One]:
             return
         at = data[0] % len(files)
         files[at].write_bytes(data[1:])
-        told = judged(seed, whole, files[at].parent.name, rules(), damage=True)
+        result = judged(seed, whole, files[at].parent.name, rules(), damage=True)
         files[at].write_bytes(tables[at])
-        if told.bad:
-            raise Found(told)
+        if result.bad:
+            raise Found(result)
 
     return [bytes([at]) + data for at, data in enumerate(tables)], one
 

@@ -44,12 +44,12 @@ def episode() -> Episode:
             bodies.append(body.model_copy(update={"name": name, "parent": None, "excluded": ()}))
             tracks[name] = whole.tracks[body.name]
     bodies = [Body(name="hand", kind="gripper") if b.name == "hand" else b for b in bodies]
-    told = {
+    values = {
         "bodies": tuple(bodies), "joints": (), "roles": {"target": ("cube",)}, "rules": (),
         "task": "Push", "goal": None, "parameters": {}, "success": False, "success_time": None,
         "force_source": "none", "cameras": (), "physics_dt": whole.header.frame_dt / 8,
     }  # fmt: skip
-    header = whole.header.model_copy(update=told)
+    header = whole.header.model_copy(update=values)
     return Episode(header, whole.t, tracks, None, RobotFrames.empty(len(whole)))
 
 

@@ -116,8 +116,8 @@ def held(
         vouched = whole.stated is not None and ref.content_hash == whole.stated
         if damage or vouched or not changed.hashed:
             outcome = compared(whole.verdicts, found, what)
-            told = ", ".join(changed.hashed + changed.said)[:300]
-            return outcome._replace(said=f"{outcome.said} ({told}{refused or ''})")
+            text = ", ".join(changed.hashed + changed.said)[:300]
+            return outcome._replace(said=f"{outcome.said} ({text}{refused or ''})")
         return Outcome("lie", what, ", ".join(changed.hashed)[:500])
     if changed.lost:
         outcome = weakened(whole.verdicts, found, what)

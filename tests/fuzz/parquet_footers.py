@@ -96,32 +96,32 @@ def _twisted(rng: Random, tree: thrift.Node) -> tuple[thrift.Node, str]:
                 gather(item, f"{told}[{i}]")
 
     gather(tree, "")
-    owner, i, told = rng.choice(owners)
+    owner, i, place = rng.choice(owners)
     entry = owner[i]
     number, node = (None, entry) if isinstance(entry, thrift.Node) else entry
     if rng.random() < 0.15:
         if rng.random() < 0.5:
             del owner[i]
-            return tree, f"{told} gone"
+            return tree, f"{place} gone"
         owner.insert(i, entry)
-        return tree, f"{told} twice"
+        return tree, f"{place} twice"
     if node.kind in (thrift.I16, thrift.I32, thrift.I64, thrift.BYTE):
         value = rng.choice(
             (*HUGE, -1, 2, 3, 5, 6, 7, 9, node.value + 1, node.value - 1, -node.value)
         )
-        new, what = node._replace(value=value), f"number {told} = {value}"
+        new, what = node._replace(value=value), f"number {place} = {value}"
     elif node.kind == thrift.TEXT:
         text = rng.choice((b"", b"\xff\xfe", b"x" * 3000, b"position.x", b"body", node.value[:-1]))
-        new, what = node._replace(value=text), f"text {told} = {text[:20]!r}"
+        new, what = node._replace(value=text), f"text {place} = {text[:20]!r}"
     elif node.kind in (thrift.TRUE, thrift.FALSE):
-        new, what = node._replace(kind=3 - node.kind), f"truth {told}"
+        new, what = node._replace(kind=3 - node.kind), f"truth {place}"
     elif node.kind == thrift.RECORD:
         for _ in range(rng.choice((1, 20, 200))):
             node = thrift.Node(thrift.RECORD, [(1, node)])
-        new, what = node, f"record {told} deeper"
+        new, what = node, f"record {place} deeper"
     else:
         kind, items = node.value
         new = node._replace(value=(kind, items * rng.choice((0, 2, 30))))
-        what = f"list {told} longer"
+        what = f"list {place} longer"
     owner[i] = new if number is None else (number, new)
     return tree, what

@@ -45,10 +45,10 @@ class Rlds(Import):
             return super().hurt(rng, path)
         file = path / self._records.relative_to(self.seed)
         if kind < 0.45:
-            told = rng.choice(sorted(file.parent.glob("*.json")))
-            tree, what = altered(rng, json.loads(told.read_text("utf-8")))
-            told.write_text(json.dumps(tree), "utf-8")
-            return f"{told.name}: {what}", False
+            chosen = rng.choice(sorted(file.parent.glob("*.json")))
+            tree, what = altered(rng, json.loads(chosen.read_text("utf-8")))
+            chosen.write_text(json.dumps(tree), "utf-8")
+            return f"{chosen.name}: {what}", False
         if kind < 0.6:
             data, what = damaged(rng, self._data, [0, 1, 4, 8, 16])
             file.write_bytes(record(data, crc32c))

@@ -107,9 +107,9 @@ def shortened(episode: Episode, first: float, last: float, step: int) -> Episode
     t = episode.t[inside] - episode.t[inside[0]]
     header, number = episode.header, np.full(len(episode), -1, np.int32)
     number[inside] = np.arange(len(inside))
-    told = {"frame_dt": step * header.frame_dt}
+    values = {"frame_dt": step * header.frame_dt}
     if header.success_time is not None:
-        told["success_time"] = float(t[np.searchsorted(episode.t[inside], header.success_time)])
+        values["success_time"] = float(t[np.searchsorted(episode.t[inside], header.success_time)])
     contacts = episode.contacts.where(number[episode.contacts.frame] >= 0)
     columns = {part.name: getattr(contacts, part.name) for part in fields(ContactTable)}
     columns["frame"] = number[contacts.frame]
@@ -119,7 +119,7 @@ def shortened(episode: Episode, first: float, last: float, step: int) -> Episode
     }
     frames = [getattr(episode.frames, part.name)[inside] for part in fields(RobotFrames)]
     return replace(
-        episode, header=header.model_copy(update=told), t=t, tracks=tracks, states={},
+        episode, header=header.model_copy(update=values), t=t, tracks=tracks, states={},
         _contacts=ContactTable(**columns), _frames=RobotFrames(*frames),
     )  # fmt: skip
 

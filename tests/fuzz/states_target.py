@@ -122,23 +122,23 @@ class States(Import):
             return damaged(rng, data, [i for i, c in enumerate(data) if c in b'<>"='])
         root = ET.fromstring(self.model)
         every = list(root.iter())
-        owner, told = rng.choice(every), ""
+        owner, label = rng.choice(every), ""
         for _ in range(rng.choice((1, 1, 2, 4))):
             owner, act = rng.choice(every), rng.random()
             if act < 0.35:
                 name = rng.choice([*owner.attrib, *owner.attrib, *ATTRIBUTES])
                 values = (*ATTRIBUTES.get(name, ()), *map(str, NUMBERS), *NAMES[1:4])
                 owner.set(name, rng.choice(values))
-                told = f"{owner.tag} {name}={owner.get(name)[:30]!r}"
+                label = f"{owner.tag} {name}={owner.get(name)[:30]!r}"
             elif act < 0.75:
                 tag = rng.choice(TAGS)
                 child = ET.SubElement(owner, tag)
                 for name in rng.sample(list(ATTRIBUTES), rng.choice((0, 1, 2, 3))):
                     child.set(name, rng.choice(ATTRIBUTES[name]))
-                told = f"{owner.tag} with {tag} {dict(child.attrib)}"[:200]
+                label = f"{owner.tag} with {tag} {dict(child.attrib)}"[:200]
             elif act < 0.85 and len(owner):
                 owner.remove(owner[0])
-                told = f"{owner.tag} less"
+                label = f"{owner.tag} less"
             elif act < 0.97:
                 owner.append(
                     rng.choice(
@@ -146,13 +146,13 @@ class States(Import):
                         or [ET.Element("body")]
                     )
                 )
-                told = f"{owner.tag} with another's child"
+                label = f"{owner.tag} with another's child"
             else:
                 for _ in range(rng.choice((100, 2000))):
                     owner = ET.SubElement(owner, "body")
-                told = "deep"
+                label = "deep"
         try:
-            return ET.tostring(root), told
+            return ET.tostring(root), label
         except (ValueError, TypeError, RecursionError):
             return self.model.encode()[:-20], "cut"
 

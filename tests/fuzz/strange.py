@@ -62,23 +62,23 @@ def altered(rng: Random, tree: Any) -> tuple[Any, str]:
     owner = tree
     for key in path[:-1]:
         owner = owner[key]
-    key, told = path[-1], ".".join(map(str, path))
+    key, place = path[-1], ".".join(map(str, path))
     act = rng.random()
     if act < 0.12 and isinstance(owner, dict):
         del owner[key]
-        return tree, f"{told} gone"
+        return tree, f"{place} gone"
     if act < 0.2 and isinstance(owner, list):
         owner.append(copy.deepcopy(owner[key]))
-        return tree, f"{told} twice"
+        return tree, f"{place} twice"
     if act < 0.26 and isinstance(owner, dict):
         owner[rng.choice(NAMES)] = owner.pop(key)
-        return tree, f"{told} renamed"
+        return tree, f"{place} renamed"
     if act < 0.34:
         other = rng.choice(where)
         value = tree
         for part in other:
             value = value[part]
         owner[key] = copy.deepcopy(value)
-        return tree, f"{told} = {'.'.join(map(str, other))}"
+        return tree, f"{place} = {'.'.join(map(str, other))}"
     owner[key] = strange(rng, owner[key])
-    return tree, f"{told} = {str(owner[key])[:40]!r}"
+    return tree, f"{place} = {str(owner[key])[:40]!r}"

@@ -46,13 +46,15 @@ def attempt(target: object, number: int, seed: int = 0) -> Outcome:
         except Exception as error:  # noqa: BLE001 — that is what is looked for
             place = "".join(traceback.format_exception(error)[-3:])
             return Outcome("unforeseen", "", f"{type(error).__name__}: {error} {place}")
-    for told in warned:
+    for warning in warned:
         if (
-            issubclass(told.category, RuntimeWarning | SyntaxWarning)
-            and "safestage" in told.filename
+            issubclass(warning.category, RuntimeWarning | SyntaxWarning)
+            and "safestage" in warning.filename
         ):
-            place = f"{told.filename}:{told.lineno}"
+            place = f"{warning.filename}:{warning.lineno}"
             return Outcome(
-                "unforeseen", outcome.what, f"{told.category.__name__}: {told.message} {place}"
+                "unforeseen",
+                outcome.what,
+                f"{warning.category.__name__}: {warning.message} {place}",
             )
     return outcome

@@ -366,9 +366,9 @@ def test_rules_extend_rule_files_only(tmp_path):
     (tmp_path / "secret").write_text("password = 1\n")
     path = tmp_path / "mine.toml"
     path.write_text('[ruleset]\nformat = 1\nname = "x"\nversion = "1.0.0"\nextends = ["secret"]\n')
-    with pytest.raises(RuleErrors, match="not there") as told:
+    with pytest.raises(RuleErrors, match="not there") as caught:
         load_rules([path])
-    assert "password" not in str(told.value)
+    assert "password" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "a\\u0000b"])

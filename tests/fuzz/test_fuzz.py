@@ -53,9 +53,9 @@ def test_hostile_inputs(tmp_path, key, many):
     few = FEW[key]
     numbers = range(few, 4 * few) if many else range(few)
     outcomes = {number: attempt(target, number, SEED) for number in numbers}
-    bad = {number: told for number, told in outcomes.items() if told.bad}
+    bad = {number: outcome for number, outcome in outcomes.items() if outcome.bad}
     assert not bad, f"python benchmarks/fuzz.py {key} --seed {SEED} --only {min(bad)}: {bad}"
-    assert sum(told.kind == "problem" for told in outcomes.values()) > few / 10
+    assert sum(outcome.kind == "problem" for outcome in outcomes.values()) > few / 10
 
 
 def test_the_oracle_tells_what_breaks_the_law():
@@ -92,9 +92,9 @@ def test_the_oracle_tells_what_a_trace_lost_or_gained(stored):
         position = track.position.copy()
         position[3:9] = value
         other = replace(whole, tracks={**whole.tracks, "bottle": replace(track, position=position)})
-        told = vars(difference(whole, other))
-        assert told.pop(part) == ["bottle.position"]
-        assert not any(told.values())
+        result = vars(difference(whole, other))
+        assert result.pop(part) == ["bottle.position"]
+        assert not any(result.values())
     roles = replace(whole, header=whole.header.model_copy(update={"roles": {}, "policy": "x"}))
     assert difference(whole, roles).lost == ["roles"]
     lie = replace(whole, header=whole.header.model_copy(update={"success": False}))
@@ -124,10 +124,10 @@ def test_what_was_found_once_is_told_in_words(tmp_path, path):
         shutil.copy(path, copy)
     try:
         (ref,) = discover(copy)
-        told = score_episode(ref, rules())
+        result = score_episode(ref, rules())
     except InputError:
         return
-    assert not isinstance(told, Problem) or "cannot be judged" not in told.message
+    assert not isinstance(result, Problem) or "cannot be judged" not in result.message
 
 
 def test_a_row_of_the_page_stays_until_as_many_inputs_were_tried(tmp_path):

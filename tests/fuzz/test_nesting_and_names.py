@@ -41,16 +41,16 @@ def test_results_nested_without_end(tmp_path, ending):
     cell = "episode_id,rule,verdict,intervals\nx,y,violation,{0}\n"
     path.write_text(cell.format(DEEP) if ending == "csv" else DEEP)
     for words in (["aggregate", path], ["compare", path, path], ["report", path, "-o", path]):
-        told = CliRunner().invoke(group, list(map(str, words)))
-        assert isinstance(told.exception, InputError | SystemExit), words
+        done = CliRunner().invoke(group, list(map(str, words)))
+        assert isinstance(done.exception, InputError | SystemExit), words
 
 
 def test_expectations_nested_without_end(tmp_path):
     falling_cube("m").close(tmp_path / "m.mcap")
     (tmp_path / "golden.json").write_text(DEEP)
     words = ["score", str(tmp_path / "m.mcap"), "-r", "fsh", "--golden"]
-    told = CliRunner().invoke(group, [*words, str(tmp_path / "golden.json")])
-    assert "not a golden file" in str(told.exception)
+    done = CliRunner().invoke(group, [*words, str(tmp_path / "golden.json")])
+    assert "not a golden file" in str(done.exception)
 
 
 @pytest.mark.parametrize("form", ["table", "json", "jsonl", "csv", "parquet", "markdown", "junit"])
@@ -63,8 +63,8 @@ def test_a_trace_and_a_folder_whose_names_are_no_text(tmp_path, form):
         scores = score_paths([folder], ["fsh"], **more)
         assert [result.path.endswith("\\udcfe.mcap") for result in scores.results] == [True]
         assert [r"\udcfd" in problem.message for problem in scores.problems] == [True]
-        told = render(scores, form)
-        assert told if isinstance(told, bytes) else told.encode()
+        outcome = render(scores, form)
+        assert outcome if isinstance(outcome, bytes) else outcome.encode()
 
 
 def test_a_dataset_in_a_folder_whose_name_is_no_text(tmp_path):
@@ -73,12 +73,12 @@ def test_a_dataset_in_a_folder_whose_name_is_no_text(tmp_path):
     assert save(load(one), other).content_hash == ref.content_hash == load(other).content_hash
     sealed = tmp_path / os.fsdecode(b"\xffpacked")
     words = ["pack", str(one), "--out", str(sealed)]
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", "from safestage_eval.cli import main; main()", *words],
         env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"}, capture_output=True, check=False,
     )  # fmt: skip
-    assert told.returncode == 0, told.stderr
-    assert rb"\udcffpacked" in told.stdout
+    assert done.returncode == 0, done.stderr
+    assert rb"\udcffpacked" in done.stdout
     assert load(sealed).content_hash == ref.content_hash
 
 
@@ -95,10 +95,10 @@ def test_attachments_with_endings_that_no_file_has(tmp_path, name):
     whole = everything()
     episode = replace(whole.episode(), attachments={name: b"content"})
     save(episode, tmp_path / "x.mcap")
-    told = CliRunner().invoke(
+    done = CliRunner().invoke(
         group, ["convert", str(tmp_path / "x.mcap"), "--to", "parquet", "-o", str(tmp_path / "ds")]
     )
-    assert told.exit_code == 0, told.output
+    assert done.exit_code == 0, done.output
     assert dict(load(tmp_path / "ds").attachments) == {name: b"content"}
 
 

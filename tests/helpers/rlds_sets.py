@@ -109,10 +109,10 @@ def features_dict(columns: dict[str, Any]) -> dict[str, Any]:
             inner.setdefault(first, {})[rest] = value
         else:
             inner[first] = value
-    told = {k: features_dict(v) if isinstance(v, dict) else spec(v) for k, v in inner.items()}
+    values = {k: features_dict(v) if isinstance(v, dict) else spec(v) for k, v in inner.items()}
     return {
         "pythonClassName": f"{FEATURES}.features_dict.FeaturesDict",
-        "featuresDict": {"features": told},
+        "featuresDict": {"features": values},
     }
 
 

@@ -145,8 +145,8 @@ def other_clock(by: float, *, also: tuple[str, ...] = ()) -> d.Damage:
     """Time stamps in another unit; ``also``: fields of the header as well."""
 
     def damage(episode: Episode, name: str) -> Episode:
-        told = {field: getattr(episode.header, field) * by for field in also}
-        return d.header(**told)(d.clock(lambda t: t * by)(episode, name), name)
+        values = {field: getattr(episode.header, field) * by for field in also}
+        return d.header(**values)(d.clock(lambda t: t * by)(episode, name), name)
 
     return damage
 
@@ -156,8 +156,8 @@ def dropped_fast(by: float) -> d.Damage:
 
     def damage(episode: Episode, name: str) -> Episode:
         h = episode.header
-        told = {f: getattr(h, f) * by for f in ("frame_dt", "success_time")}
-        found = d.header(**told)(d.clock(lambda t: t * by)(episode, name), name)
+        values = {f: getattr(h, f) * by for f in ("frame_dt", "success_time")}
+        found = d.header(**values)(d.clock(lambda t: t * by)(episode, name), name)
         slow = {c: d.scaled(1 / by) for c in ("linear_velocity", "angular_velocity")}
         found = d.track("*", **slow)(found, name)
         return d.robot(joint_velocity=d.scaled(1 / by))(found, name)

@@ -30,7 +30,7 @@ def seen(**changes: Any) -> Observation:
     """An observation with all cameras."""
     names = ("exterior_left", "exterior_right", "external", "wrist")
     half = np.sqrt(0.5)
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "time": 0.0,
         "joint_position": HOME + 0.25,
         "gripper_opening": 0.75,
@@ -39,7 +39,7 @@ def seen(**changes: Any) -> Observation:
         "flange_position": np.array([0.4, -0.1, 0.3]),
         "flange_orientation": np.array([0.0, half, half, 0.0]),
     }
-    return Observation(**told | changes)
+    return Observation(**values | changes)
 
 
 class Says:

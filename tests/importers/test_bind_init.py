@@ -54,8 +54,8 @@ def test_the_recorded_tasks_targets_are_guessed(ref) -> None:
 
 
 def test_a_name_and_a_movement_together_are_sure() -> None:
-    told = pushed("a", instruction="Put the red cube on the plate.")
-    found = guess_roles([told])
+    episode_of_a = pushed("a", instruction="Put the red cube on the plate.")
+    found = guess_roles([episode_of_a])
     assert (found["target"].value, found["target"].confidence) == ("red_cube", "high")
     assert (found["destination"].value, found["protected"].value) == ("plate", ["wine_glass"])
     assert guess_roles([pushed("a")])["target"].confidence == "medium"

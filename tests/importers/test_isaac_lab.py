@@ -134,10 +134,10 @@ def test_without_a_map_shapes_are_the_boxes_and_the_rest_is_said(tmp_path):
     assert carton.size == pytest.approx((0.02, 0.03, 0.05), abs=1e-3)
     assert carton.position == pytest.approx((0, 0, 0), abs=6e-4)
     assert theirs.bodies["carton"].untold == ("up_axis", "cavity")
-    told = "\n".join(account(done.text, "missing"))
+    text = "\n".join(account(done.text, "missing"))
     for what in ("masses", "up axes", "insides of containers", "contacts", "the time after success",
                  "poses of the links of robot", "shapes of the gripper"):  # fmt: skip
-        assert what in told
+        assert what in text
     guessed = "\n".join(account(done.text, "guessed"))
     for what in ("shapes of carton, cube, table", "table is a fixture", "centres of mass"):
         assert what in guessed

@@ -56,9 +56,9 @@ def test_what_is_read(source, tmp_path):
     assert theirs.bodies["robot_base" if "robot_base" in theirs.bodies else "panda"].untold == (
         "links",
     )
-    told = done.text
+    text = done.text
     for what in ("poses of the links of panda", "the time after success", "contacts"):
-        assert what in told
+        assert what in text
 
 
 def test_kinds_are_guessed_by_names_and_said(source, tmp_path):

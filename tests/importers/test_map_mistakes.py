@@ -71,9 +71,9 @@ def take(folder, *more):
     done = run("import", folder / "in", "--to", folder / "data", "--map", folder / "map.toml",
                "-f", "json", *more)  # fmt: skip
     assert done.code == 0, done.err
-    told = json.loads(done.out)["looks_wrong"]
-    assert len([line for line in done.err.splitlines() if "looks wrong" in line]) == len(told)
-    return told
+    notices = json.loads(done.out)["looks_wrong"]
+    assert len([line for line in done.err.splitlines() if "looks wrong" in line]) == len(notices)
+    return notices
 
 
 def test_a_sound_import_has_nothing_to_notice(tmp_path):
@@ -91,9 +91,9 @@ def test_a_table_at_another_height(tmp_path, off):
 
 def test_quaternions_in_the_other_order(tmp_path):
     written(tmp_path, quaternion="wxyz")
-    told = take(tmp_path)
-    assert any("--quaternion xyzw" in one["fix"] for one in told), told
-    assert all("table" not in one["cause"] for one in told)
+    notices = take(tmp_path)
+    assert any("--quaternion xyzw" in one["fix"] for one in notices), notices
+    assert all("table" not in one["cause"] for one in notices)
 
 
 def test_a_finger_pad_a_centimetre_off(tmp_path):
@@ -105,8 +105,8 @@ def test_a_finger_pad_a_centimetre_off(tmp_path):
 
 def test_centimetres_are_named_and_mended(tmp_path):
     source = written(tmp_path, scale=100.0)
-    told = take(tmp_path)
-    assert any('length = "cm"' in one["fix"] for one in told), told
+    notices = take(tmp_path)
+    assert any('length = "cm"' in one["fix"] for one in notices), notices
     text = (tmp_path / "map.toml").read_text()
     (tmp_path / "map.toml").write_text(text.replace("[source]", '[source]\nlength = "cm"'))
     done = run(

@@ -173,12 +173,12 @@ def nested(depth):
 
 @pytest.mark.parametrize("what", HOSTILE)
 def test_hostile_records_are_told(tmp_path, what):
-    change, told = HOSTILE[what]
+    change, message = HOSTILE[what]
     source, columns = write_rlds(tmp_path / "in", [scene()])
     shard(source).write_bytes(change(shard(source).read_bytes()))
     done = import_set(tmp_path, source, columns)
     assert done.code != 0
-    assert told in " ".join((done.err + done.text).split()), done.err
+    assert message in " ".join((done.err + done.text).split()), done.err
     assert "Traceback" not in done.err + done.text
     assert "bug in" not in done.err + done.text
 

@@ -122,11 +122,11 @@ def written(path, script):
 
 @pytest.mark.parametrize("what", PROGRAMS)
 def test_nothing_in_a_database_is_run(tmp_path, what):
-    script, told = PROGRAMS[what]
+    script, message = PROGRAMS[what]
     path = written(tmp_path / "bag.db3", script)
     began = process_time()
     assert types(path) <= {"tf2_msgs/msg/TFMessage"}
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         list(bag_messages(path))
     assert process_time() - began < 1
 

@@ -58,8 +58,8 @@ def shot(tab, place="#screen"):
 
 def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(tab, server):
     tab.emulate_media(reduced_motion="reduce")
-    told = []
-    tab.on("response", lambda response: told.append(response.body()) if response.ok else None)
+    listed = []
+    tab.on("response", lambda response: listed.append(response.body()) if response.ok else None)
     come(tab, server)
     at(tab, 0)
     first = server.session.item(0)
@@ -91,7 +91,7 @@ def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(ta
     assert "safestage agreement" in tab.locator("#commands").inner_text()
     assert "1 safe, 1 unsafe, 1 unsure" in tab.locator("#summary").inner_text()
     assert [answer[:2] for answer in answers(server)] == [(0, "safe"), (1, "unsafe"), (2, "unsure")]
-    whole = b"".join(told)
+    whole = b"".join(listed)
     assert len(whole) > 10_000
     for secret in (*SECRETS, "SECRET-FILE", "came too close"):
         assert secret.encode() not in whole

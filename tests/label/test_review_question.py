@@ -14,16 +14,16 @@ def asked(material=None, **header):
 
 
 def test_a_tasks_own_limit_is_told_and_not_the_default():
-    told = asked(rules=("ETS201",), parameters={"min_clearance": "3 cm"})["rules"][0]
-    assert told["always"] == ["clearance(target, protected) at least 3 cm (min_clearance)"]
-    told = asked(rules=("ETS201",))["rules"][0]
-    assert told["always"] == ["clearance(target, protected) at least 8 cm (min_clearance)"]
+    result = asked(rules=("ETS201",), parameters={"min_clearance": "3 cm"})["rules"][0]
+    assert result["always"] == ["clearance(target, protected) at least 3 cm (min_clearance)"]
+    result = asked(rules=("ETS201",))["rules"][0]
+    assert result["always"] == ["clearance(target, protected) at least 8 cm (min_clearance)"]
 
 
 def test_a_materials_limit_is_told_as_a_number():
     for material, limit in (("bottle", "8 deg"), (None, "15 deg"), ("ceramic", "15 deg")):
-        told = asked(material, rules=("FSH101",))["rules"][0]["always"]
-        assert f"tilt(target) at most the max_tilt of target (cup: {limit})" in told
+        result = asked(material, rules=("FSH101",))["rules"][0]["always"]
+        assert f"tilt(target) at most the max_tilt of target (cup: {limit})" in result
 
 
 def test_the_words_of_a_rule_are_explained():

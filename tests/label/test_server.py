@@ -27,14 +27,14 @@ def server(traces, tmp_path):
 
 def everything(server, reviewer="ada"):
     """All bytes, header and body, of a whole sitting."""
-    told = [ask(server, "/"), ask(server, f"/state?reviewer={reviewer}")]
+    answer = [ask(server, "/"), ask(server, f"/state?reviewer={reviewer}")]
     for i in range(len(server.session.refs)):
-        told += [ask(server, f"/rollout/{i}{what}") for what in ("", "/film", "/video")]
+        answer += [ask(server, f"/rollout/{i}{what}") for what in ("", "/film", "/video")]
     for i in range(len(server.session.refs)):
-        told.append(ask(server, "/answer", {"rollout": i, "label": "safe", "reviewer": reviewer}))
-    told.append(ask(server, "/state?reviewer=somebody"))
+        answer.append(ask(server, "/answer", {"rollout": i, "label": "safe", "reviewer": reviewer}))
+    answer.append(ask(server, "/state?reviewer=somebody"))
     bodies = []
-    for _, headers, body in told:
+    for _, headers, body in answer:
         bodies.append(gzip.decompress(body) if headers.get("Content-Encoding") else body)
         headers.pop("Date")
         bodies.append(json.dumps(headers).encode())
@@ -51,18 +51,18 @@ def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkey
 
     monkeypatch.setattr("safestage_eval.verdicts.judge", judged)
     monkeypatch.setattr("safestage_eval.verdicts.judging.judge", judged)
-    told = everything(server)
+    answer = everything(server)
     for row in rows:
         for name in ("explanation", "rule_digest", "trace_hash", "episode_id", "path", "policy"):
-            assert str(row[name]).encode() not in told, name
+            assert str(row[name]).encode() not in answer, name
     for secret in (*SECRETS, "SECRET-FILE"):
-        assert secret.encode() not in told
+        assert secret.encode() not in answer
 
 
 def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
     from safestage_eval.cli.label_command import _episodes
 
-    told = []
+    answer = []
     for verdict in ("pass", "violation"):
         results = tmp_path / f"{verdict}.jsonl"
         ids = [ref.episode_id for ref in discover(traces)][:2]
@@ -75,8 +75,8 @@ def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
         found = session(traces, tmp_path / f"{verdict}.csv")
         found.refs = refs
         with served(found) as server:
-            told.append(everything(server))
-    assert told[0] == told[1]
+            answer.append(everything(server))
+    assert answer[0] == answer[1]
 
 
 @pytest.mark.parametrize(
@@ -92,9 +92,9 @@ def test_a_foreign_name_is_refused(server, host):
         ("/rollout/0", None),
         ("/answer", answer),
     ):
-        status, _, told = ask(server, path, body, Host=host)
+        status, _, answers = ask(server, path, body, Host=host)
         assert status == 403
-        assert b"Slide" not in told
+        assert b"Slide" not in answers
     assert not server.session.ledger.path.exists()
 
 
@@ -142,9 +142,9 @@ def test_the_page_loads_nothing_from_elsewhere(server):
     ],
 )  # fmt: skip
 def test_what_is_no_answer_is_refused_and_kept_nowhere(server, body, status):
-    found, _, told = ask(server, "/answer", body)
+    found, _, answer = ask(server, "/answer", body)
     assert found == status
-    assert json.loads(told)["error"]
+    assert json.loads(answer)["error"]
     assert not server.session.ledger.path.exists()
 
 
@@ -158,8 +158,8 @@ def test_there_are_no_other_pages(server, path):
 def test_reviewers_see_their_own_answers_alone(server):
     for who, label in (("ada", "safe"), ("bob", "unsafe")):
         ask(server, "/answer", {"rollout": 1, "label": label, "reviewer": f" {who} ", "note": who})
-    told = json.loads(ask(server, "/state?reviewer=bob")[2])["answers"]
-    assert told == [None, {"label": "unsafe", "note": "bob"}, None]
+    answer = json.loads(ask(server, "/state?reviewer=bob")[2])["answers"]
+    assert answer == [None, {"label": "unsafe", "note": "bob"}, None]
     assert json.loads(ask(server, "/state?reviewer=eve")[2])["answers"] == [None] * 3
 
 
@@ -175,8 +175,8 @@ def test_what_comes_next_is_told_at_the_end(traces, tmp_path):
         for i in range(3):
             assert json.loads(ask(server, "/state?reviewer=ada")[2])["commands"] == []
             ask(server, "/answer", {"rollout": i, "label": "unsure", "reviewer": "ada"})
-        told = json.loads(ask(server, "/state?reviewer=ada")[2])
-    assert told["commands"] == ["safestage agreement x"]
+        answer = json.loads(ask(server, "/state?reviewer=ada")[2])
+    assert answer["commands"] == ["safestage agreement x"]
 
 
 def test_an_answer_that_cannot_be_written_is_an_error(server, monkeypatch):
@@ -184,9 +184,9 @@ def test_an_answer_that_cannot_be_written_is_an_error(server, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    status, _, told = ask(server, "/answer", {"rollout": 0, "label": "safe", "reviewer": "ada"})
+    status, _, answer = ask(server, "/answer", {"rollout": 0, "label": "safe", "reviewer": "ada"})
     assert status == 500
-    assert "No space left" in json.loads(told)["error"]
+    assert "No space left" in json.loads(answer)["error"]
 
 
 def test_a_broken_trace_is_told_of_without_its_name(traces, tmp_path, capsys):
@@ -195,9 +195,9 @@ def test_a_broken_trace_is_told_of_without_its_name(traces, tmp_path, capsys):
         path = tmp_path / "SECRET-FILE-broken.mcap"
         path.write_bytes(found.refs[0].path.read_bytes()[:3000])
         found.refs[0] = discover(path)[0]
-        status, _, told = ask(server, "/rollout/0/film")
+        status, _, answer = ask(server, "/rollout/0/film")
     assert status == 422
-    assert b"SECRET" not in told
+    assert b"SECRET" not in answer
     assert "SECRET-FILE-broken" in capsys.readouterr().err
 
 

@@ -42,8 +42,8 @@ def test_files_count_an_episode_as_the_judge_does(tmp_path, form, verdict, not_l
 
 def test_its_row_says_so():
     *_, row = result("pass", "FSH202").rows()
-    told = {key: row[key] for key in ("rule", "assigned", "verdict", "violation", "vacuity")}
-    assert told == {
+    values = {key: row[key] for key in ("rule", "assigned", "verdict", "violation", "vacuity")}
+    assert values == {
         "rule": "FSH202", "assigned": True, "verdict": None, "violation": None,
         "vacuity": "not_loaded",
     }  # fmt: skip

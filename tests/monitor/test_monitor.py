@@ -29,12 +29,12 @@ def check(name: str, *, assigned_only: bool, step: int, compare: int) -> None:
     episode = RECORDED[name].open()
     so_far = growing(episode)
     monitor = Monitor(episode.header, RULES, assigned_only=assigned_only)
-    told: dict[str, float] = {}
+    values: dict[str, float] = {}
     for number, frames in enumerate([*range(step, len(episode), step), len(episode)], 1):
         so_far.frames = frames
         new = monitor.update(so_far, so_far.success_time)
         now = so_far.up_to_now()
-        told |= {verdict.rule: float(now.t[-1]) for verdict in new}
+        values |= {verdict.rule: float(now.t[-1]) for verdict in new}
         if new or number % compare == 0:
             offline = violated(now, assigned_only=assigned_only)
             assert set(offline) == set(monitor.violations), f"at {now.t[-1]:.2f} s"
@@ -51,7 +51,7 @@ def check(name: str, *, assigned_only: bool, step: int, compare: int) -> None:
     for code in before & set(monitor.watched):  # and none later than its rule's text promises
         when = offline[code].time
         assert when is not None
-        assert told[code] <= when + monitor.watched[code].seconds + step / 120 + 1e-6
+        assert values[code] <= when + monitor.watched[code].seconds + step / 120 + 1e-6
 
 
 @pytest.mark.parametrize("name", sorted(RECORDED))

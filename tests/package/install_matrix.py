@@ -302,13 +302,13 @@ def main() -> int:
     asked = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="installs", dir=asked.folder))
     folder.chmod(0o755)
-    told = Table(asked.write)
+    table = Table(asked.write)
     try:
-        matrix(folder, asked.only, told)
+        matrix(folder, asked.only, table)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    sys.stdout.write(str(told))
-    return int(told.failed)
+    sys.stdout.write(str(table))
+    return int(table.failed)
 
 
 if __name__ == "__main__":

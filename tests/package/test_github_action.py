@@ -71,23 +71,23 @@ def judged(checkout, tmp_path, **asked):
         ["bash", str(checkout / "action/score.sh")], cwd=tmp_path, env=env,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    told = (
+    outputs = (
         dict(line.split("=", 1) for line in output.read_text().splitlines())
         if output.exists()
         else {}
     )
-    return done, told, tmp_path / "report", summary
+    return done, outputs, tmp_path / "report", summary
 
 
 @pytest.mark.slow
 def test_it_judges_reports_and_tells_the_exit_code(checkout, tmp_path):
     traces = [next((checkout / "traces").glob(f"{name}*.mcap")) for name in TRACES]
     listed = "\n".join(f"  {path} " for path in traces)
-    done, told, report, summary = judged(
+    done, outputs, report, summary = judged(
         checkout, tmp_path, TRACES=listed, RULES="ets\nfsh\n", FAIL_ON="violation\n"
     )
     assert done.returncode == 0, done.stderr
-    assert told == {"exit-code": "1", "report": str(report)}
+    assert outputs == {"exit-code": "1", "report": str(report)}
     assert "::error title=ETS201" in done.stdout
     assert {path.name for path in report.iterdir()} == {
         "report.html", "results.parquet", "verdicts.md",
@@ -101,13 +101,15 @@ def test_it_judges_reports_and_tells_the_exit_code(checkout, tmp_path):
 @pytest.mark.slow
 def test_a_safe_trace_passes_and_an_unreadable_one_does_not(checkout, tmp_path):
     (safe,) = (checkout / "traces").glob(f"{TRACES[1]}*.mcap")
-    done, told, *_ = judged(checkout, tmp_path, TRACES=str(safe), RULES="fsh", FAIL_ON="violation")
-    assert told["exit-code"] == "0", done.stderr
+    done, outputs, *_ = judged(
+        checkout, tmp_path, TRACES=str(safe), RULES="fsh", FAIL_ON="violation"
+    )
+    assert outputs["exit-code"] == "0", done.stderr
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(safe.read_bytes()[:5000])
     (tmp_path / "output").unlink()
-    done, told, *_ = judged(checkout, tmp_path, TRACES=str(broken), RULES="fsh")
-    assert told["exit-code"] == "2"
+    done, outputs, *_ = judged(checkout, tmp_path, TRACES=str(broken), RULES="fsh")
+    assert outputs["exit-code"] == "2"
 
 
 def test_without_traces_it_says_which_input_is_missing(checkout, tmp_path):

@@ -164,11 +164,11 @@ def hostile(folder, secret):
             "meta/episodes",
             lambda rows, place=place: rows[0].update(file=place),
         )
-        told = json.dumps({"task.toml": f"{place}.parquet"})
+        attached = json.dumps({"task.toml": f"{place}.parquet"})
         changed(
             another(f"attached {way}"),
             "meta/episodes",
-            lambda rows, told=told: rows[0].update(attachments=told),
+            lambda rows, attached=attached: rows[0].update(attachments=attached),
         )
         copy = another(f"mesh {way}")
         mesh = next(
@@ -245,11 +245,13 @@ def test_no_file_beside_the_dataset_is_opened_and_none_written(lured, tmp_path):
     after = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
     new = {path for path in after if before.get(path) != after[path]}
     assert all(path.is_relative_to(out) or path.is_relative_to(tmp_path / "work") for path in new)
-    told = json.loads((out / "rows.json").read_text())
-    judged = {row["episode_id"] for row in told["episodes"]}
+    document = json.loads((out / "rows.json").read_text())
+    judged = {row["episode_id"] for row in document["episodes"]}
     harmless = {name for name in judged if name.startswith(UNASKED)}
     assert judged - harmless == {"sound", "../../escaped"}
-    told_of = {Path(problem["path"]).relative_to(given).parts[0] for problem in told["problems"]}
+    told_of = {
+        Path(problem["path"]).relative_to(given).parts[0] for problem in document["problems"]
+    }
     same_file_as_another = {"linked folder meta episodes"}
     silent = {path.name for path in given.iterdir()} - told_of - judged - {"names.mcap"}
     assert silent <= same_file_as_another

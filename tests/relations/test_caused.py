@@ -143,11 +143,11 @@ def test_a_force_that_was_not_measured_may_be_the_robots() -> None:
         (episode.contacts.frame == 3)[:, None], np.nan, episode.contacts.force
     )
     relations = Relations(Signals(episode))
-    told, doubt = relations.get("caused", ("b",)), relations.doubtful("caused", ("b",))
+    sure, doubt = relations.get("caused", ("b",)), relations.doubtful("caused", ("b",))
     may = relations.get("may_be_caused", ("b",))
-    assert told is not None
+    assert sure is not None
     assert may is not None
-    open_ = told if doubt is None else told | doubt[0]
+    open_ = sure if doubt is None else sure | doubt[0]
     assert (may | ~open_).all()
 
 

@@ -50,7 +50,7 @@ FOLLOWING = replace(
 
 def episode(name: str = "one", *verdicts: Verdict, **fields: Any) -> EpisodeResult:
     """An episode's result; a violation, what followed it and a rule that does not apply."""
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "episode_id": name,
         "path": f"traces/{name}.mcap",
         "task": "mug_on_shelf",
@@ -67,7 +67,7 @@ def episode(name: str = "one", *verdicts: Verdict, **fields: Any) -> EpisodeResu
         "verdicts": verdicts or (VIOLATION, FOLLOWING, NOT_APPLICABLE),
         **fields,
     }
-    return EpisodeResult(**told)
+    return EpisodeResult(**values)
 
 
 def scores() -> Scores:

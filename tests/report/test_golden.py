@@ -187,8 +187,8 @@ def test_for_build_servers_only_what_differs_fails(tmp_path):
     other[0] = episode("two", VIOLATION, seed=4, success=False)
     now = replace(SOUND, results=tuple(other))
     found = changes(now, path)
-    told = cases(now, found)
-    failed = {key: case for key, case in told.items() if case and case[0][0] == "failure"}
+    result = cases(now, found)
+    failed = {key: case for key, case in result.items() if case and case[0][0] == "failure"}
     assert {key[1] for key in failed} == {"one", "two"}
     assert "expected, but not among the episodes" in failed["golden", "one"][0][1]
     assert "pass → violation" in failed["mug_on_shelf.FSH101", "two"][0][1]

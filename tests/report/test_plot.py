@@ -28,9 +28,9 @@ def test_a_signal_comes_with_the_limits_of_all_rules_that_read_it(again):
 
 
 def test_progress_counts_the_signals(again):
-    told = []
-    drawn = signal_plot.panels(again, [], progress=lambda *now: told.append(now))
-    assert told == [(0, None), *((n + 1, len(drawn)) for n in range(len(drawn)))]
+    steps = []
+    drawn = signal_plot.panels(again, [], progress=lambda *now: steps.append(now))
+    assert steps == [(0, None), *((n + 1, len(drawn)) for n in range(len(drawn)))]
 
 
 def test_without_a_signal_the_decisive_ones_are_drawn(again):

@@ -179,12 +179,12 @@ def test_markdown():
     found = {tuple(cells[:3]): cells[3:] for cells in body}
     for name, cell in by_policy_stage(outcomes(scores().results)).items():
         assert (head[3], found[name][0]) == ("judged", f"{cell.n}/{cell.episodes}")
-        for column, told in zip(head[4:], found[name][1:], strict=True):
+        for column, shown in zip(head[4:], found[name][1:], strict=True):
             metric = column.split()[0]
-            counts = re.search(r"(\d+)/(\d+)", told)
+            counts = re.search(r"(\d+)/(\d+)", shown)
             if cell.n:
                 assert (int(counts[1]), int(counts[2])) == (cell.counts[metric], cell.n)
-                assert abs(float(told.split()[0]) - 100 * cell.value(metric)) < 0.06
+                assert abs(float(shown.split()[0]) - 100 * cell.value(metric)) < 0.06
             else:
                 assert counts is None
     bullets = [line for line in text.splitlines() if line.startswith("- ")]
@@ -224,17 +224,17 @@ def test_a_narrow_terminal_loses_no_letter(width):
 
 def test_table_tells_what_happened():
     text = render(scores(), "table")
-    told = squeezed(text)
+    result = squeezed(text)
     for name, v in assigned("violation", "inconclusive"):
-        assert name in told
-        assert v.rule in told
-        assert squeezed(v.explanation) in told
-    assert "2.50 s" in told
-    assert "1 inconclusive" in told
-    assert "2 episodes not judged" in told  # one has no assigned rule, the other's was not loaded
-    assert "FSH101" in told.partition("not judged")[2]
-    assert "success disagrees" in told
-    assert squeezed(scores().problems[0].message) in told
+        assert name in result
+        assert v.rule in result
+        assert squeezed(v.explanation) in result
+    assert "2.50 s" in result
+    assert "1 inconclusive" in result
+    assert "2 episodes not judged" in result  # one has no assigned rule, the other's was not loaded
+    assert "FSH101" in result.partition("not judged")[2]
+    assert "success disagrees" in result
+    assert squeezed(scores().problems[0].message) in result
     assert "\x1b" not in text
 
 

@@ -55,18 +55,18 @@ def test_the_json_object():
 
 def test_every_metric_and_its_fields():
     found = metrics(outcomes(scores().results))
-    told = section("Metrics")
-    assert all(f"`{name}`" in told for name in found.pop("headline"))
-    assert all(f"`{row['metric']}`" in told for table in found.values() for row in table)
+    section_text = section("Metrics")
+    assert all(f"`{name}`" in section_text for name in found.pop("headline"))
+    assert all(f"`{row['metric']}`" in section_text for table in found.values() for row in table)
     fields = {name for table in found.values() for row in table for name in row}
-    assert fields <= set(first_cells(told.split("`metrics` holds")[1]))
-    assert all(f"`{name}`" in told for name in found)
+    assert fields <= set(first_cells(section_text.split("`metrics` holds")[1]))
+    assert all(f"`{name}`" in section_text for name in found)
 
 
 def test_every_unit():
     line = next(li for li in section("Result rows").splitlines() if li.startswith("| `unit` |"))
-    told = set(re.findall(r"`([^`]+)`", line.partition("margin`")[2]))
-    assert told == {unit_of(dimension) for dimension in DIMENSIONS} - {""}
+    section_text = set(re.findall(r"`([^`]+)`", line.partition("margin`")[2]))
+    assert section_text == {unit_of(dimension) for dimension in DIMENSIONS} - {""}
 
 
 def test_empty_cells_are_null():

@@ -119,9 +119,9 @@ def test_all_together_change_no_rule() -> None:
 @each
 def test_the_page_lists_its_rules(name: str) -> None:
     rules = load_rules([name])
-    told = dict(re.findall(r"^\| `([A-Z]{3}\d{3})` \| ([^|]+?) \|", section(name), re.MULTILINE))
+    values = dict(re.findall(r"^\| `([A-Z]{3}\d{3})` \| ([^|]+?) \|", section(name), re.MULTILINE))
     titles = {code: rule.title for code, rule in {**rules.rules, **rules.costs}.items()}
-    assert told == titles
+    assert values == titles
 
 
 @each

@@ -167,10 +167,10 @@ up = false
 
 def test_bodies_are_described_by_name_or_pattern(tmp_path: Path) -> None:
     file, episode = bound(BODIES, tmp_path), unlabelled()
-    told = {body.name: body for body in file.described(episode).header.bodies}
-    assert (told["p"].tags, told["p"].up_axis) == (("fragile",), (0.0, 0.0, 1.0))
-    assert (told["t"].tags, told["t"].up_axis) == (("heavy",), None)
-    assert told["table"] == episode.bodies["table"]
+    values = {body.name: body for body in file.described(episode).header.bodies}
+    assert (values["p"].tags, values["p"].up_axis) == (("fragile",), (0.0, 0.0, 1.0))
+    assert (values["t"].tags, values["t"].up_axis) == (("heavy",), None)
+    assert values["table"] == episode.bodies["table"]
     result = judge(episode, RULES, bind=file)
     assert result.assigned[0].vacuity is None  # p is fragile now
     bare = judge(episode, RULES, bind=bound(BODIES.partition("[body")[0], tmp_path))

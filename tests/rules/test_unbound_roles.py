@@ -164,9 +164,9 @@ def test_commands_warn(
         monkeypatch.setattr("sys.argv", ["safestage", *command])
         with pytest.raises(SystemExit) as caught:
             main()
-        told = capsys.readouterr()
-        assert caught.value.code == 0, told
-        assert 'did you mean "protected"?' in told.out + told.err, command
+        printed = capsys.readouterr()
+        assert caught.value.code == 0, printed
+        assert 'did you mean "protected"?' in printed.out + printed.err, command
 
 
 @pytest.mark.parametrize("assigned", [(), ("ETS902",)])
@@ -227,8 +227,8 @@ def test_rules_over_what_the_task_names_and_what_it_does_not(named: Path) -> Non
 def test_without_any_role_it_is_not_known_what_the_task_names(named: Path) -> None:
     verdict = found(named, scene({}, "ETS903")).assigned[0]
     assert (verdict.verdict, verdict.vacuity) == ("inconclusive", "unbound")
-    told = found(named, scene({"target": ("can",)}, "ETS903")).assigned[0]
-    assert (told.verdict, told.bodies) == ("pass", ("vase",))
+    result = found(named, scene({"target": ("can",)}, "ETS903")).assigned[0]
+    assert (result.verdict, result.bodies) == ("pass", ("vase",))
     none = found(named, scene({"target": ("can",), "goal": ("vase",)}, "ETS903")).assigned[0]
     assert (none.verdict, none.vacuity) == ("not_applicable", "no_player")
 

@@ -170,13 +170,13 @@ def test_what_was_damaged_in_the_folder_is_judged_again(traces, tmp_path, counte
 def test_a_long_run_goes_through_processes_and_disk(traces, monkeypatch):
     monkeypatch.setattr(runs, "IN_MEMORY", 3)
     monkeypatch.setattr(runs, "PART_RESULTS", 2)
-    told = []
+    steps = []
     found = runs.score_traces(
-        [traces], load_settings(["fsh"]), Choice(jobs=2), lambda *step: told.append(step)
+        [traces], load_settings(["fsh"]), Choice(jobs=2), lambda *step: steps.append(step)
     )
     assert as_held(found) == as_held(score_paths([traces], ["fsh"], jobs=1))
-    assert [done for done, _ in told] == list(range(1, 10))
-    assert told[-1][1] == 9
+    assert [done for done, _ in steps] == list(range(1, 10))
+    assert steps[-1][1] == 9
 
 
 @pytest.mark.slow

@@ -45,9 +45,9 @@ def traces(tmp_path_factory):
 
 
 def test_progress_is_told(traces):
-    told = []
-    score_paths([traces], ["fsh"], jobs=1, progress=lambda *step: told.append(step))
-    assert told == [(i, 5) for i in range(1, 6)]
+    steps = []
+    score_paths([traces], ["fsh"], jobs=1, progress=lambda *step: steps.append(step))
+    assert steps == [(i, 5) for i in range(1, 6)]
 
 
 def test_the_unforeseen_is_listed_with_its_place(traces):
@@ -76,18 +76,18 @@ def test_several_processes_say_the_same(traces, tmp_path):
 def test_a_process_that_dies_costs_one_episode(traces):
     refs = discover(traces)
     wanted = score_many(refs, ["fsh"], jobs=1)
-    told = []
+    steps = []
     found = score_many(
         [turned(ref, Deadly) if i == 2 else replace(ref) for i, ref in enumerate(refs)],
         ["fsh"],
         jobs=2,
-        progress=lambda *step: told.append(step),
+        progress=lambda *step: steps.append(step),
     )
     assert isinstance(found[2], Problem)
     assert found[2].path == str(refs[2].path)
     assert "process died" in found[2].message
     assert [r for i, r in enumerate(found) if i != 2] == [r for i, r in enumerate(wanted) if i != 2]
-    assert told == [(i, 5) for i in range(1, 6)]
+    assert steps == [(i, 5) for i in range(1, 6)]
 
 
 @pytest.mark.parametrize("form", ["mcap", "parquet"])

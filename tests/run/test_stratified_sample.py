@@ -28,10 +28,10 @@ def refs(sizes):
 )
 def test_shares_are_in_proportion(sizes, count, seed):
     all_refs = refs(sizes)
-    chosen, told = sample(all_refs, count, seed)
+    chosen, note = sample(all_refs, count, seed)
     total = sum(sizes.values())
     assert len(chosen) == min(count, total)
-    assert bool(told) == (count < total)
+    assert bool(note) == (count < total)
     places = [all_refs.index(ref) for ref in chosen]
     assert places == sorted(set(places))
     found = Counter(ref.fields["task"] for ref in chosen)

@@ -74,9 +74,9 @@ def test_what_slides_is_not_measured_as_if_it_turned(name: str, unit: str, dimen
     assert "slide slides" in sliding.notes[0]
     assert not turning.known.any()
     assert "elbow turns" in turning.notes[0]
-    told = get(name, "slide", unit=unit)
-    assert told.known.all()
-    assert told.dimension == dimension
+    series = get(name, "slide", unit=unit)
+    assert series.known.all()
+    assert series.dimension == dimension
 
 
 def test_what_was_not_recorded() -> None:

@@ -34,7 +34,7 @@ def test_export_writes_success_and_verdict_and_leaves_failures_out(tmp_path: Pat
 
 @pytest.mark.skipif(importlib.util.find_spec("torch") is not None, reason="PyTorch is here")
 def test_training_without_torch_says_what_to_install(tmp_path: Path) -> None:
-    told = ["train", "bc", "--data", str(tmp_path), "--out", str(tmp_path / "x.onnx")]
-    done = CliRunner().invoke(learn, told)
+    words = ["train", "bc", "--data", str(tmp_path), "--out", str(tmp_path / "x.onnx")]
+    done = CliRunner().invoke(learn, words)
     assert done.exit_code == 2
     assert "safestage[learn]" in done.output

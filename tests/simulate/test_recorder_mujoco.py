@@ -60,9 +60,9 @@ def test_another_interpreter_gives_what_this_one_does(file, tmp_path):
                        about={"mujoco_version": mujoco.__version__})  # fmt: skip
     heavy = MapFile(body={"far": BodyTable(mass=0.3)})
     here, account = read(stated, map=heavy)
-    there, told = read(path, map=heavy, python=Path(sys.executable))
-    assert account == told
-    assert mujoco.__version__ in said(told, "contacts and contact forces").how
+    there, remarks = read(path, map=heavy, python=Path(sys.executable))
+    assert account == remarks
+    assert mujoco.__version__ in said(remarks, "contacts and contact forces").how
     for column in ("frame", "body1", "body2", "position", "normal", "force", "peak_force", "depth"):
         a, b = getattr(here.contacts, column), getattr(there.contacts, column)
         # the model passes through its text, which has six digits

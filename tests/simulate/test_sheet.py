@@ -103,8 +103,8 @@ def test_a_perspective_scale_is_that_of_the_picture() -> None:
     camera = Camera((0.3, 0.3, 0.05), 0.8, 90.0, 0.0)
     with EpisodeRenderer(episode, 400, 300) as renderer:
         _, columns = np.nonzero(renderer.owners(0, camera) == 0)
-    told = 0.1 * viewpoint.per_metre(camera, np.array([0.3, 0.1, 0.05]), 300)
-    assert np.ptp(columns) + 1 == pytest.approx(told, abs=1.5)
+    values = 0.1 * viewpoint.per_metre(camera, np.array([0.3, 0.1, 0.05]), 300)
+    assert np.ptp(columns) + 1 == pytest.approx(values, abs=1.5)
 
 
 def test_the_robot_hides_nothing_where_it_is_left_out() -> None:
@@ -174,9 +174,9 @@ def test_a_study_is_drawn_once_and_answers_find_their_episodes(tmp_path: Path) -
     assert "0 drawn, 2 there" in run(
         sheets, ["draw", str(runs), "--out", str(out), "--sample", "2"]
     ).output  # fmt: skip
-    told = (out / "001.txt").read_text()
-    assert "clearance(target, protected) at least 8 cm" in told
-    assert "secret" not in told
+    text = (out / "001.txt").read_text()
+    assert "clearance(target, protected) at least 8 cm" in text
+    assert "secret" not in text
     with Pictures.open(out / "001_b.png") as picture:
         assert picture.size[0] == drawing.COLUMNS * (drawing.CELL[0] + 2)
     close = tmp_path / "close.png"

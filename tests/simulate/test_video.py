@@ -121,15 +121,15 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
     episode, result = falls()
     path = tmp_path / f"film{ending}"
     try:
-        told: list[tuple[int, int | None]] = []
+        steps: list[tuple[int, int | None]] = []
         count = film(
             episode, result, path, size=(160, 120),  # type: ignore[arg-type]
-            progress=lambda done, total: told.append((done, total)),
+            progress=lambda done, total: steps.append((done, total)),
         )  # fmt: skip
     except InputError as error:
         pytest.skip(str(error))
     assert count == 3 * rate + round(STILL * rate)
-    assert told == [(n + 1, count) for n in range(count)]
+    assert steps == [(n + 1, count) for n in range(count)]
     if ending == ".webp":  # equal pictures are one that stands longer
         from PIL import Image, ImageSequence
 

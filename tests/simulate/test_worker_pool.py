@@ -24,11 +24,11 @@ def double(number: int) -> int:
 
 
 def test_results_come_in_order_and_the_dead_are_named() -> None:
-    items, told = [5, 3, 13, 4, 8, 1], list[int]()
-    found = list(run_many(double, items, 2, told.append))
+    items, order = [5, 3, 13, 4, 8, 1], list[int]()
+    found = list(run_many(double, items, 2, order.append))
     assert isinstance(found[2], Died)
     assert [found[i] for i in (0, 1, 3, 4, 5)] == [10, 6, 8, 16, 2]
-    assert sorted(told) == [1, 2, 3, 4, 5, 6]
+    assert sorted(order) == [1, 2, 3, 4, 5, 6]
 
 
 def write_and_die(path: Path) -> str:
@@ -47,12 +47,12 @@ def test_what_was_complete_before_its_process_died_is_not_done_again(tmp_path: P
 
 
 def test_one_process_is_this_one() -> None:
-    told = list[int]()
-    assert list(run_many(lambda n: (n, os.getpid()), [1, 2], 1, told.append)) == [
+    order = list[int]()
+    assert list(run_many(lambda n: (n, os.getpid()), [1, 2], 1, order.append)) == [
         (1, os.getpid()),
         (2, os.getpid()),
     ]
-    assert told == [1, 2]
+    assert order == [1, 2]
     assert list(run_many(double, [], 2)) == []
 
 

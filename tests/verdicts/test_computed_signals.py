@@ -332,15 +332,15 @@ def test_the_monitor_tells_it_as_it_goes_on() -> None:
     episode, found = moving_up()
     so_far = growing(episode)
     monitor = Monitor(episode.header, found, assigned_only=False)
-    told = None
+    when = None
     for frames in range(5, 121, 5):
         so_far.frames = frames
         new = monitor.update(so_far, so_far.success_time)
         offline = judge(so_far.up_to_now(), found).verdicts[0].verdict == "violation"
         assert offline == bool(monitor.violations)
-        if new and told is None:
-            told = new[0].time
-    assert told == judge(episode, found).verdicts[0].time
+        if new and when is None:
+            when = new[0].time
+    assert when == judge(episode, found).verdicts[0].time
 
 
 def passing(rate: float) -> tuple[Episode, RuleSet]:

@@ -15,11 +15,11 @@ def found(
 def follows(other: Verdict, *causes: Verdict) -> str | None:
     """Whose consequence the other is, in whatever order they are told."""
     orders = [[*causes, other], [other, *causes], [*reversed(causes), other]]
-    told = {
+    values = {
         next(v for v in with_consequences(order) if v.rule == other.rule).consequence_of
         for order in orders
     }
-    (one,) = told
+    (one,) = values
     return one
 
 

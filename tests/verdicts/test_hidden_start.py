@@ -97,8 +97,8 @@ def test_what_fell_as_it_was_let_go_between_two_samples_is_no_pass(tmp_path, eve
     ]
     assert {v.verdict for v in found} <= {"violation", "inconclusive"}
     open_ = [v.explanation for v in found if v.verdict == "inconclusive"]
-    told = "turn(vase) since end of handled(vase) is not known: that came between two samples"
-    assert any(told in why for why in open_) == (every > 8)  # 15 Hz show it
+    text = "turn(vase) since end of handled(vase) is not known: that came between two samples"
+    assert any(text in why for why in open_) == (every > 8)  # 15 Hz show it
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5])

@@ -259,7 +259,7 @@ def test_flip_values_say_what_judging_says() -> None:
 
 def test_the_monitor_tells_it_as_it_goes_on() -> None:
     episode, rules = hop()
-    so_far, told = growing(episode), None
+    so_far, when = growing(episode), None
     monitor = Monitor(episode.header, rules, assigned_only=False)
     for frames in range(5, 241, 5):
         so_far.frames = frames
@@ -267,10 +267,10 @@ def test_the_monitor_tells_it_as_it_goes_on() -> None:
         offline = judge(so_far.up_to_now(), rules).verdicts[0].verdict == "violation"
         assert offline == bool(monitor.violations)
         if new:
-            told = so_far.up_to_now().t[-1], new[0].time
-    assert told is not None
-    assert told[1] == judge(episode, rules).verdicts[0].time
-    assert told[0] <= told[1] + 6 / 120
+            when = so_far.up_to_now().t[-1], new[0].time
+    assert when is not None
+    assert when[1] == judge(episode, rules).verdicts[0].time
+    assert when[0] <= when[1] + 6 / 120
 
 
 @settings(deadline=None, max_examples=60)

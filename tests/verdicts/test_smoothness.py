@@ -227,7 +227,7 @@ def test_flip_values_of_what_new_operations_compute(condition, param, value) -> 
     found = rules(text)
     rule, again = found.rules["ETS901"], Again(episode, found)
     pieces = pieces_of(again.base(rule)[0], rule, {"a": ("a",)}, param, 1.0)
-    told = 0
+    agreeing = 0
     for piece in pieces:
         if piece.verdict is None:
             continue
@@ -237,8 +237,10 @@ def test_flip_values_of_what_new_operations_compute(condition, param, value) -> 
             said = Duration(at) if param == "window" else Quantity(at, dimension)
             verdict = again.under(again.base(rule)[0], rule, {param: said})
             assert verdict.verdict == piece.verdict, (piece, at)
-            told += 1
-    assert told or param == "window" or "is_far" in condition  # those are found by trying values
+            agreeing += 1
+    assert (
+        agreeing or param == "window" or "is_far" in condition
+    )  # those are found by trying values
 
 
 @pytest.mark.parametrize(

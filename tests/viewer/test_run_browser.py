@@ -304,9 +304,9 @@ def test_words_from_results_stay_words(tab, listed):  # noqa: F811
 
 def test_an_episode_without_evidence_tells_its_numbers(tab, listed):  # noqa: F811
     opened(tab, listed, "#episode=e3")
-    told = tab.locator("#pane").inner_text()
-    assert "made without the traces" in told
-    assert "8.0 cm" in told and "In violation" in told
+    shown = tab.locator("#pane").inner_text()
+    assert "made without the traces" in shown
+    assert "8.0 cm" in shown and "In violation" in shown
 
 
 def test_an_address_of_nothing_is_told(tab, listed):  # noqa: F811
@@ -435,14 +435,14 @@ def test_numbers_are_those_of_every_report(tab):  # noqa: F811
         for value in (0.0, 0.0004, 0.0263, 1.0, 135.2345, -47.7549)
     ]
     source = (HOME / "elements.js").read_text("utf-8")
-    told = tab.evaluate(
+    numbers = tab.evaluate(
         """async ([source, given]) => {
             const { amount } = await import("data:text/javascript," + encodeURIComponent(source));
             return given.map(([value, unit]) => amount(value, unit).replace("−", "-"));
         }""",
         [source, [(in_unit(value, dimension), unit_of(dimension)) for dimension, value in shown]],
     )
-    assert told == [format_quantity(value, dimension) for dimension, value in shown]
+    assert numbers == [format_quantity(value, dimension) for dimension, value in shown]
 
 
 def test_the_task_table_shows_the_rate_that_is_chosen(tab, listed):  # noqa: F811

@@ -94,14 +94,14 @@ def agreeing(again, rng, draws=2):
 
 @pytest.mark.parametrize("part", range(3))
 def test_recorded_episodes_agree_under_random_values(part):
-    rules, rng, told = load_rules(["ish", "ets", "fsh", "goals"]), random.Random(part), {}
+    rules, rng, answers = load_rules(["ish", "ets", "fsh", "goals"]), random.Random(part), {}
     for ref in discover([ROOT / "traces"])[part::3]:
         for param, (decided, asked) in agreeing(Again(ref.open(), rules), rng).items():
-            before = told.get(param, (0, 0))
-            told[param] = before[0] + decided, before[1] + asked
-    left = {param for param, (decided, asked) in told.items() if decided < asked}
+            before = answers.get(param, (0, 0))
+            answers[param] = before[0] + decided, before[1] + asked
+    left = {param for param, (decided, asked) in answers.items() if decided < asked}
     assert not left & COMMON
-    assert sum(asked for _, asked in told.values()) > 50
+    assert sum(asked for _, asked in answers.values()) > 50
 
 
 SKETCHES = {

@@ -105,8 +105,8 @@ def _in_air(start: Start, body: Body, frames: NDArray[np.intp]) -> list[tuple[in
     others = [b for b in start.solid if b is not body and b.geoms]
     there = [start.mover(other, frames) for other in others]
     near = clearance_series([start.mover(body, frames)], there, APART)
-    found = [(int(frames[a]), int(frames[b - 1])) for a, b in runs(near.lower >= APART - 1e-6)]
-    return [(a, b) for a, b in found if b - a >= 3 and t[b] - t[a] >= LASTS]
+    spans = [(int(frames[a]), int(frames[b - 1])) for a, b in runs(near.lower >= APART - 1e-6)]
+    return [(a, b) for a, b in spans if b - a >= 3 and t[b] - t[a] >= LASTS]
 
 
 def _falls(start: Start, body: Body, span: tuple[int, int], gravity: float) -> bool:
@@ -125,14 +125,14 @@ def _nearest(start: Start, body: Body, first: int, last: int) -> tuple[str, floa
     What moves along with it comes before what it passes.
     """
     frames = np.unique(np.linspace(first, last, 5).astype(int))
-    mine, found = start.mover(body, frames), dict[str, float]()
+    mine, gaps = start.mover(body, frames), dict[str, float]()
     for other in start.solid:
         if other is body or not other.geoms:
             continue
         apart = clearance_series([mine], [start.mover(other, frames)], FAR).upper
         if np.isfinite(apart).all() and (np.ptp(apart) < APART or other.kind in ROBOT):
-            found[other.name] = float(np.median(apart))
-    return min(found.items(), key=lambda one: one[1], default=None)
+            gaps[other.name] = float(np.median(apart))
+    return min(gaps.items(), key=lambda one: one[1], default=None)
 
 
 @check(

@@ -92,12 +92,12 @@ class Footer:
     def leaves(self) -> dict[str, list[int]]:
         """Column of lists or records → places of what lies in it."""
         schema, nested = self.metadata.schema, self.wide[2]
-        found: dict[str, list[int]] = {}
+        places: dict[str, list[int]] = {}
         for place in range(len(schema)):
             name = schema.column(place).path.partition(".")[0]
             if name in nested:
-                found.setdefault(name, []).append(place)
-        return found
+                places.setdefault(name, []).append(place)
+        return places
 
 
 FOOTERS: dict[tuple[Path, Hashable], Footer] = {}

@@ -108,10 +108,10 @@ def rows_by_episode(results: str | Path) -> Rows:
     rows = read_rows(results, COLUMNS, ALLOWED)
     if rows and "rule" not in rows[0]:
         raise InputError(str(results), "names no episodes.", "results of safestage score")
-    found: Rows = {}
+    by_episode: Rows = {}
     for row in rows:
-        found.setdefault(str(row["episode_id"]), []).append(row)
-    return found
+        by_episode.setdefault(str(row["episode_id"]), []).append(row)
+    return by_episode
 
 
 def chosen(

@@ -115,16 +115,16 @@ def _phases(again: Again) -> list[dict[str, Any]]:
     if rule is None:
         return []
     evaluator = again.base(rule)[0]
-    found = []
+    phases = []
     for name, phase in again.rules.phases.items():
         if phase.of:
             continue
         scopes = [s for s in spans(evaluator, ast.PhaseSpan(ast.Call(name, ())), {}) if s.exists]
-        found.append({"name": name, "true": spans_of(t, [(s.first, s.stop) for s in scopes])})
+        phases.append({"name": name, "true": spans_of(t, [(s.first, s.stop) for s in scopes])})
     for body in again.binding.roles.get("target", ()):
         held = evaluator.state(ast.Call("held", (body,)), {})
-        found.append({"name": f"held({body})", "true": spans_of(t, runs(held.true))})
-    return [phase for phase in found if phase["true"]]
+        phases.append({"name": f"held({body})", "true": spans_of(t, runs(held.true))})
+    return [phase for phase in phases if phase["true"]]
 
 
 def _finding(again: Again, rule: ast.Scoped, v: Verdict, *, curves: bool) -> dict[str, Any]:

@@ -33,14 +33,14 @@ def stored_verdicts(rows: Sequence[Mapping[str, Any]]) -> StoredVerdicts:
 
 def differences(verdicts: Sequence[Verdict], said: StoredVerdicts) -> tuple[str, ...]:
     """List where results and the rules used here disagree; always shown."""
-    found = []
+    sentences = []
     for v in verdicts:
         verdict, digest = said.verdicts.get(v.rule, ("", ""))
         if verdict and verdict != v.verdict:
-            found.append(
+            sentences.append(
                 f"The results say {verdict.replace('_', ' ')} of {v.rule}; the rules used for this "
                 f"page say {v.verdict.replace('_', ' ')}."
             )
         elif digest and digest != v.rule_digest:
-            found.append(f"The results were made under another meaning of {v.rule}.")
-    return tuple(found)
+            sentences.append(f"The results were made under another meaning of {v.rule}.")
+    return tuple(sentences)

@@ -91,11 +91,11 @@ def mistakes(backend: str) -> list[tuple[str, str, str]]:
     for pose in poses():
         answers = [(float(x.lower[0]), float(x.upper[0])) for x in asked(pose, backend)]
         if any(_is_wrong(pose.truth, *answer) for answer in answers):
-            told = dict.fromkeys(
+            values = dict.fromkeys(
                 "penetrates" if np.isinf(lower) else f"{lower:.4g}" for lower, _ in answers
             )
             truth = "penetrates" if pose.truth is None else f"{pose.truth:.4g}"
-            found.append((pose.name, truth, " / ".join(told)))
+            found.append((pose.name, truth, " / ".join(values)))
     return found
 
 

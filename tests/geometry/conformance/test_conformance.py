@@ -28,12 +28,12 @@ def test_ours_are_right(pose: Pose) -> None:
 def test_the_page_tells_what_the_others_get_wrong() -> None:
     """To the letter for the versions it names; of other versions, only that the poses exist."""
     pytest.importorskip("coal")
-    told = PAGE.read_text().split(START)[1].split(END)[0]
-    if all(f"{package} {version(package)}" in told for package in PACKAGES.values()):
-        assert told.strip() == table(), (
+    text = PAGE.read_text().split(START)[1].split(END)[0]
+    if all(f"{package} {version(package)}" in text for package in PACKAGES.values()):
+        assert text.strip() == table(), (
             "run: python tests/geometry/conformance/poses.py docs/clearance.md"
         )
     names = {pose.name for pose in poses()}
-    rows = [line.split("|")[1].strip() for line in told.splitlines() if line.startswith("| ")]
+    rows = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")]
     assert set(rows[1:]) <= names
     assert "unit boxes, 3 m apart along y" in rows

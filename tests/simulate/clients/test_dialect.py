@@ -31,22 +31,22 @@ def grip(of: Dialect, *values: float) -> Any:
 
 @pytest.mark.parametrize("of", ALL)
 def test_a_server_understands_what_a_client_sends(of: str) -> None:
-    told, kind = seen(), dialect(of)
-    asked = kind.asked(kind.request(told, "session 1"))
+    observation, kind = seen(), dialect(of)
+    asked = kind.asked(kind.request(observation, "session 1"))
     found = asked.observation
-    assert found.joint_position == pytest.approx(told.joint_position, abs=1e-6)
+    assert found.joint_position == pytest.approx(observation.joint_position, abs=1e-6)
     assert found.gripper_opening == pytest.approx(0.75)
-    assert found.instruction == told.instruction
+    assert found.instruction == observation.instruction
     assert set(found.images) == set(kind.cameras)
     assert asked.session == ("session 1" if of in ("dreamzero", "cosmos3") else None)
 
 
 @pytest.mark.parametrize("of", ALL)
 def test_a_client_understands_what_a_server_answers(of: str) -> None:
-    kind, told = dialect(of), seen()
-    actions = np.append(told.joint_position, 0.0) + np.cumsum(np.full((12, 8), 0.01), axis=0)
+    kind, observation = dialect(of), seen()
+    actions = np.append(observation.joint_position, 0.0) + np.cumsum(np.full((12, 8), 0.01), axis=0)
     actions[:, 7] = np.arange(12) % 2
-    found = kind.actions(kind.answer(actions, told), told)
+    found = kind.actions(kind.answer(actions, observation), observation)
     assert found == pytest.approx(actions, abs=1e-6)
 
 
@@ -72,8 +72,8 @@ def test_velocities_are_added_up_from_the_measured_position() -> None:
     answer = {
         "actions": np.array([[1, 0, 0, 0, 0, 0, -0.5, 0], [3, 0, 0, 0, 0, 0, -0.5, 0]], float)
     }
-    told = seen(joint_position=np.arange(7.0))
-    found = dialect("openpi?actions=velocity").actions(answer, told)
+    observation = seen(joint_position=np.arange(7.0))
+    found = dialect("openpi?actions=velocity").actions(answer, observation)
     assert found[:, 0].tolist() == pytest.approx([0.2, 0.4])
     assert found[:, 6].tolist() == pytest.approx([5.9, 5.8])
     assert found[:, 3].tolist() == [3.0, 3.0]
@@ -129,12 +129,12 @@ def test_dreamzero_is_sent_both_views_or_a_black_one() -> None:
 
 
 def test_cosmos_is_sent_one_picture_of_three() -> None:
-    told = seen()
-    image = dialect("cosmos3").request(told, "s")["observation/image"]
+    observation = seen()
+    image = dialect("cosmos3").request(observation, "s")["observation/image"]
     assert image.shape == (540, 640, 3)
-    assert np.array_equal(image[:360], told.images["wrist"])
-    assert np.array_equal(image[360:, :320], halved(told.images["exterior_left"]))
-    assert np.array_equal(image[360:, 320:], halved(told.images["exterior_right"]))
+    assert np.array_equal(image[:360], observation.images["wrist"])
+    assert np.array_equal(image[360:, :320], halved(observation.images["exterior_left"]))
+    assert np.array_equal(image[360:, 320:], halved(observation.images["exterior_right"]))
 
 
 def test_halving_takes_the_mean_rounded_down() -> None:
@@ -167,8 +167,8 @@ def test_a_picture_of_the_right_size_is_left_alone() -> None:
 
 def test_the_flange_is_told_as_the_models_count() -> None:
     """A gripper that points down, its x forward: half a turn about x."""
-    told = seen(flange_orientation=np.array([0.0, 1.0, 0.0, 0.0]))
-    assert cartesian(told)[:3].tolist() == [0.4, -0.1, 0.3]
-    assert np.abs(cartesian(told)[3:]) == pytest.approx([np.pi, 0, 0])
+    observation = seen(flange_orientation=np.array([0.0, 1.0, 0.0, 0.0]))
+    assert cartesian(observation)[:3].tolist() == [0.4, -0.1, 0.3]
+    assert np.abs(cartesian(observation)[3:]) == pytest.approx([np.pi, 0, 0])
     # diag(1, −1, −1) times the fixed turn [[0,0,−1],[−1,0,0],[0,1,0]]: its first two rows
-    assert nine(told) == pytest.approx([0.4, -0.1, 0.3, 0, 0, -1, 1, 0, 0])
+    assert nine(observation) == pytest.approx([0.4, -0.1, 0.3, 0, 0, -1, 1, 0, 0])

@@ -81,8 +81,8 @@ def test_requests_that_wait_go_on_together_and_everyone_gets_his_own() -> None:
 
     with gathering(slowly_at_first) as (server, sizes), ThreadPoolExecutor(6) as pool:
         found = [*pool.map(lambda n: client(server.url, n, 3, ready.release), range(6))]
-    for number, told in enumerate(found):
-        assert told == pytest.approx([number, number + 0.1, number + 0.2])
+    for number, answer in enumerate(found):
+        assert answer == pytest.approx([number, number + 0.1, number + 0.2])
     assert sum(sizes) == 18
     assert max(sizes) >= 4, sizes
     assert sum(n * times for n, times in server.batches.items()) == 18
