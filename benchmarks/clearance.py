@@ -152,7 +152,7 @@ class Scene:
 
 
 def fcl_shape(geom: Geom, meshes: dict[str, Mesh]) -> Any:
-    """The same shape for python-fcl."""
+    """Build the shape for python-fcl."""
     size = geom.size
     if geom.kind == "box":
         return fcl.Box(*(2 * s for s in size))

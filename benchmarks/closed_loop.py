@@ -43,7 +43,7 @@ class ByRote:
         self._home = np.tile(np.append(droid.HOME, 0.0), (dialect.rows, 1))
 
     def greeting(self) -> bytes:
-        """What is said first."""
+        """Text before the table."""
         return pack(self._dialect.greeting(), self._dialect.style)
 
     def answered(self, message: bytes) -> bytes | str:

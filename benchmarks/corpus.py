@@ -59,7 +59,7 @@ def moved(episode: Episode, seed: int) -> Episode:
 
 
 def replace_columns(record: Any, **columns: Any) -> Any:
-    """The same record with other columns."""
+    """Return the record with other columns."""
     values = {field.name: getattr(record, field.name) for field in fields(record)}
     return type(record)(**(values | columns))
 
@@ -95,7 +95,7 @@ def make(folder: Path, distinct: int, episodes: int, frames: int, jobs: int) -> 
 
 
 def _visit(first: Path, there: Path, visit: int, most: int) -> int:
-    """The same traces once more under other ids; how many."""
+    """Copy the traces under other ids; return how many."""
     shutil.rmtree(there, ignore_errors=True)
     (there / "meta/episodes").mkdir(parents=True)
     shutil.copy(first / "meta/info.json", there / "meta/info.json")

@@ -62,13 +62,13 @@ STOPPED: list[int] = []
 
 @dataclass
 class Tally:
-    """What a campaign of one format came to."""
+    """Counts of a campaign of one format."""
 
     counts: Counter[str] = field(default_factory=Counter)
     found: list[list[Any]] = field(default_factory=list)
     """Number, kind, what was done and what was said, of what may not be."""
     lies: list[list[Any]] = field(default_factory=list)
-    """The same four values of each lie: valid values under no checksum."""
+    """Change four values of each: valid values under no checksum."""
     seconds: float = 0.0
     done: list[list[int]] = field(default_factory=list)
     """Seed, first number and last + 1 of each batch."""

@@ -40,7 +40,7 @@ def called() -> Signatures:
 
 
 def missing(known: Signatures, found: Signatures) -> list[tuple[str, str, Any]]:
-    """What was called and is not known."""
+    """Signatures that were called and are not listed."""
     return [
         (module, name, types)
         for module, kernels in found.items()

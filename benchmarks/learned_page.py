@@ -19,7 +19,7 @@ NOTES = Path(__file__).with_name("learned_notes.md")
 
 
 def printed_by(*arguments: str) -> str:
-    """What a command of safestage prints as Markdown."""
+    """Output of a command of safestage as Markdown."""
     code = "from safestage_eval.cli import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments, "-f", "markdown"],
@@ -38,7 +38,7 @@ def section(text: str, title: str) -> str:
 
 
 def rollout_table(rows: pd.DataFrame) -> str:
-    """What was rolled out."""
+    """Rollouts of the page."""
     one = rows.drop_duplicates("episode_id")
     cells = one.groupby(["policy", "prompt"]).agg(
         rollouts=("episode_id", "size"), tasks=("task", "nunique"), seeds=("seed", "unique")

@@ -263,7 +263,7 @@ Answer = dict[tuple[str, str], "NDArray[np.int8]"]
 
 
 def blinded(episode: Episode) -> Episode:
-    """The same without contacts and forces."""
+    """Remove contacts and forces."""
     header = episode.header.model_copy(update={"force_source": "none"})
     frames = RobotFrames.empty(len(episode))
     return Episode(header, episode.t, episode.tracks, ContactTable.empty(), frames, episode.meshes)
@@ -432,7 +432,7 @@ def _each(function: Callable[[Any], Any], items: Sequence[Any], jobs: int) -> It
 
 
 def main() -> None:
-    """As the file's head says."""
+    """See the head of the file."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )

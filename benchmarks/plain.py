@@ -1,4 +1,4 @@
-"""What a first version of an evaluator does: every frame, every pair of shapes, by python-fcl.
+"""A naive evaluator: every frame, every pair of shapes, by python-fcl.
 
 No pruning, no warm start, no memory of the last frame. The yardstick for speed, and, where
 python-fcl is right, for the verdict.

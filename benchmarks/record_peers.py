@@ -136,7 +136,7 @@ class BulletWitness:
         pybullet.stepSimulation = tell
 
     def name(self, body: int, link: int) -> str:
-        """As the trace has it."""
+        """Name as in the trace."""
         base = Path(self.p.getBodyInfo(body, physicsClientId=self.client)[1].decode()).stem
         count = self.p.getNumBodies(physicsClientId=self.client)
         names = [

@@ -1,4 +1,4 @@
-"""What ``safestage-record`` costs, as a share of the same rollout without it, in one run.
+"""Overhead of ``safestage-record``, as a share of the rollout without it, in one run.
 
     python benchmarks/recorder_overhead.py [ENVIRONMENT …]
 

@@ -33,7 +33,7 @@ def took(command: list[str]) -> float:
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
-    """What is started, by the name of its row."""
+    """Commands to start, by the name of their row."""
     found = {
         "python -c pass": [sys.executable, "-c", "pass"],
         "import numba, pyarrow.parquet, pydantic": [

@@ -172,7 +172,7 @@ def _since(start: float) -> str:
 
 
 def main() -> int:
-    """As the module says."""
+    """See the module."""
     parser = argparse.ArgumentParser(description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     one = commands.add_parser("agree")

@@ -1,4 +1,4 @@
-"""What changes in a recording without changing what happened changes no verdict.
+"""Changes of a recording that leave what happened change no verdict.
 
 The laws hold for every recorded episode and every built-in rule, whichever they are.
 """
@@ -133,7 +133,7 @@ def test_a_recording_that_goes_on_after_the_hold(name):
 @every_episode
 @pytest.mark.parametrize("share", [0.2, 0.45, 0.6, 0.8, 0.95])
 def test_a_recording_that_breaks_off_is_judged_alike_or_not_at_all(name, share):
-    """What was lost may leave a verdict open; it never turns one into another."""
+    """Lost evidence may leave a verdict open; it never turns one into another."""
     episode = recorded(name)
     cut = judge_(transforms.cut_off(episode, int(share * len(episode))))
     for whole, part in zip(judged(name).verdicts, cut.verdicts, strict=True):

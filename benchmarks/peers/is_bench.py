@@ -173,7 +173,7 @@ def _shown(
 def _evaluated(
     method: Any, kind: str, raw: Raw, holds: Callable[[], bool], case: str
 ) -> bool | None:
-    """What the evaluator tracks: whether the condition was met, None where it was not looked at."""
+    """Conditions that the evaluator tracks: met or not, None where it did not look."""
     tracked: list[bool | None] = []
     tell = lambda **told: tracked.append(told["eval"])  # noqa: E731
     entry = {

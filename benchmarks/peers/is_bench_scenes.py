@@ -101,7 +101,7 @@ def scene(condition: Condition, case: str) -> str:
 
 
 def verdict(condition: Condition, case: str, rules: RuleSet | None = None) -> str:
-    """What the rule says of a case: its verdict, or ``vacuous`` where there was nothing to judge."""
+    """Verdict of a case, or ``vacuous`` where there was nothing to judge."""
     rules = rules or load_rules(["is_bench"])
     alone = replace(rules, rules={condition.rule: rules.rules[condition.rule]}, costs={})
     (found,) = judge(draw(scene(condition, case), "scene", str(condition)), alone).verdicts

@@ -76,7 +76,7 @@ WHY = {
     "RLB105": "50 cm or more, which is the other event there",
     "RLB109": "let go where something bears it",
 }
-"""What is known of rules that differ."""
+"""Known reasons for rules that differ."""
 
 
 @contextmanager
@@ -152,7 +152,7 @@ class Data:
 
 
 class Scene:
-    """What RoboLab's WorldState reads, from the frames ``rows`` of an episode.
+    """A stand-in for RoboLab's WorldState, from the frames ``rows`` of an episode.
 
     Attributes:
         at: which of the rows it looks at now, as parallel environments.

@@ -234,7 +234,7 @@ class Formula:
 
 
 def values(formula: Formula, samples: dict[str, list[Any]]) -> list[float]:
-    """Of the formula at every sample."""
+    """Values of the formula at every sample."""
     file = RuleFile("rtamt.toml", formula.text, tomllib.loads(formula.text), asked=True)
     problems = check([file])
     if problems:

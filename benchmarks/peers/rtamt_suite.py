@@ -194,7 +194,7 @@ def _equal(theirs: float, mine: float) -> bool:
 
 @dataclass
 class Outcome:
-    """What became of one test."""
+    """Outcome of one test."""
 
     suite: str
     test: str

@@ -1,4 +1,4 @@
-"""What was compared with a peer's code, and how often both said the same."""
+"""Counts of comparisons with a peer's code, and of agreements."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Part:
 
 @dataclass
 class Problem:
-    """What a BDDL file says."""
+    """Content of a BDDL file."""
 
     things: dict[str, str]
     """Object or fixture → class."""

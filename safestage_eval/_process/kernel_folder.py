@@ -100,7 +100,7 @@ def processor() -> tuple[str, str, str]:
 
 
 def settings() -> list[tuple[str, str]]:
-    """What users set for numba, by variables and by a file, which may change machine code."""
+    """Settings of numba by environment variables and by file, which may change machine code."""
     variables = [each for each in sorted(os.environ.items()) if each[0].startswith("NUMBA_")]
     variables = [each for each in variables if each[0] not in HARMLESS]
     file = Path(".numba_config.yaml")

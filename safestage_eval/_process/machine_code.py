@@ -178,7 +178,7 @@ def _extension(name: str) -> ModuleType:
 def _symbols(
     helpers: ModuleType, runtime: ModuleType, functions: ModuleType, library: Iterable[str]
 ) -> dict[str, int]:
-    """What machine code calls by name, as numba names it: name → address."""
+    """Symbols that machine code calls by name, as numba names them: name → address."""
     symbols = {"_Py_NoneStruct": id(None)}
     for module in (helpers, functions):
         symbols |= {f"numba_{name}": address for name, address in module.c_helpers.items()}
@@ -192,7 +192,7 @@ def _symbols(
 
 _LOCK = threading.Lock()
 _HERE: list[dict[tuple[str, str], list[Linked]]] = []
-"""What this process has linked; empty before it is asked for the first time."""
+"""Libraries that this process has linked; empty before the first request."""
 
 
 def load() -> dict[tuple[str, str], list[Linked]]:

@@ -28,7 +28,7 @@ class EntryPoint(NamedTuple):
 
 
 def entry_point(dispatcher: Any, types: tuple[Any, ...]) -> EntryPoint | None:
-    """What Python calls, for types that ``dispatcher`` has loaded.
+    """The callable for types that ``dispatcher`` has loaded.
 
     None where it is not on disk, or where it needs more than its object file to run.
     """

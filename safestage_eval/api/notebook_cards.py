@@ -14,7 +14,7 @@ STYLE = "overflow-x:auto;border:1px solid #8886;border-radius:6px;padding:.6em .
 CELL = "text-align:left;padding:.15em .8em .15em 0;vertical-align:top"
 SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
 COLORS = {"violation": "#ae360b", "pass": "#00668a", "inconclusive": "#755500"}
-"""Of verdicts; their sign says the same without colour."""
+"""Colours of verdicts; their signs carry the meaning without colour."""
 
 
 def words(text: object) -> str:

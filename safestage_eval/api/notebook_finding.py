@@ -69,7 +69,7 @@ class Finding:
 
     @property
     def value(self) -> float | None:
-        """Of the signal at the worst moment, in SI."""
+        """Value of the signal at the worst moment, in SI."""
         return self.of.value
 
     @property
@@ -79,7 +79,7 @@ class Finding:
 
     @property
     def unit(self) -> str:
-        """Of ``value`` and ``limit``: ``m``, ``N``, ``s``."""
+        """Unit of ``value`` and ``limit``: ``m``, ``N``, ``s``."""
         return si_unit(self.of.dimension or "")
 
     def plot(self) -> Picture:

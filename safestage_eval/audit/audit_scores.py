@@ -38,7 +38,7 @@ class _Judged(Subject):
         self._verdicts = {verdict.rule: verdict for verdict in result.verdicts}
 
     def verdict(self, rule: ast.Scoped) -> Verdict | None:
-        """As it was judged."""
+        """Return the verdict of scoring."""
         return self._verdicts.get(rule.code)
 
     @cached_property

@@ -27,7 +27,7 @@ WAYPOINTS = 16
 """Moments, evenly spread over the recording, at which all bodies' positions are kept."""
 
 Commands = Literal["not recorded", "missing", "constant", "varied"]
-"""Of a rollout: no column of them; NaN throughout; the same in every frame; different ones."""
+"""Commands of a rollout: no column; NaN throughout; the same in every frame; different ones."""
 
 
 class Goal(NamedTuple):
@@ -177,7 +177,7 @@ def _away(subject: Subject, name: str) -> NDArray[np.bool_]:
 
 
 def _robot_travel(subject: Subject, links: Sequence[str]) -> float | None:
-    """Of the last body of the robot, or of the one that went furthest if that one stood still."""
+    """Travel of the robot's last body, or of the furthest one if that stood still."""
     if not links:
         return None
     last = _travel(subject, links[-1])

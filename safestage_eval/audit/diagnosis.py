@@ -84,15 +84,15 @@ class _Only(Whole):
         self._names = names
 
     def matters(self, body: str) -> bool:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return body in self._names
 
     def some(self, body: str) -> bool:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return body in self._names or (super().some(body) and len(self._episode.tracks[body]) == 1)
 
     def frames(self) -> None:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
 
 
 def _residual(episode: Episode, names: Iterable[str]) -> float:

@@ -74,7 +74,7 @@ class Subject:
 
     @property
     def header(self) -> Header:
-        """Of the episode."""
+        """Header of the episode."""
         return self.episode.header
 
     @cached_property
@@ -214,7 +214,7 @@ class Subject:
 
     @cached_property
     def judge(self) -> Judge | None:
-        """What judges it; None of what is not judged: a broken recording, misspelt names."""
+        """Judge of the episode; None for a broken recording or misspelt names."""
         from safestage_eval.verdicts.judging import Judge
 
         binding = self.binding

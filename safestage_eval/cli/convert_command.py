@@ -182,7 +182,7 @@ def _is_there(episode: Any, target: Path, source: Path, written: set[Path], *, f
 
 @dataclass(frozen=True)
 class Told:
-    """What a copy for viewers says of an episode's verdicts: remarks, and the deciding signals."""
+    """Verdicts for a viewer's copy of an episode: events, and the deciding signals."""
 
     events: Sequence[Any] = ()
     decided: Sequence[Any] = ()

@@ -114,7 +114,7 @@ limits_option = click.option(
     "--limits", metavar="NAME=NUMBER,...", expose_value=False, is_eager=True, callback=_set_limits,
     help="Read larger episodes: bodies=10000,decoded=1GB, or none (docs/security.md).",
 )  # fmt: skip
-"""Of every command; worker processes inherit what it sets."""
+"""Decorator of every command; worker processes inherit what it sets."""
 
 
 allow_host_option = click.option(
@@ -266,7 +266,7 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
 
 @contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """As ``progress``, for one thing of which nobody knows how long it takes."""
+    """Like ``progress``, for one task of unknown length."""
     with progress(what) as tell:
         if tell is not None:
             tell(0, None)

@@ -1,1 +1,1 @@
-"""What editors ask about rule files: completion, hover and diagnostics, over the language server protocol."""
+"""Completion, hover and diagnostics of rule files, over the language server protocol."""

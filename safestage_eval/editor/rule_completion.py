@@ -1,4 +1,4 @@
-"""What may be written at a position of a rule file."""
+"""Completions at a position of a rule file."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _CONDITIONS = ("condition", "alternative", "alternatives")
 
 
 def complete(text: str, offset: int, known: KnownNames) -> Completion:
-    """What may be written at a position; nothing where the language leaves it to the author."""
+    """Completions at a position; none where the language leaves the text to the author."""
     place = place_at(text, offset)
     if place.what == "nothing":
         return Completion(())
@@ -87,7 +87,7 @@ def complete(text: str, offset: int, known: KnownNames) -> Completion:
 
 
 def _in_quotes(offer: Offer) -> Offer:
-    """As it stands outside of a string."""
+    """Return the text as it is written outside of a string."""
     if offer.label in ("true", "false"):
         return offer
     return replace(offer, insert=f'"{offer.insert or offer.label}"')
@@ -282,7 +282,7 @@ def _words(*words: str) -> Iterator[Offer]:
 
 
 def _dimension_of(slot: Slot, known: KnownNames) -> str | None:
-    """Of the signal of an entry; None of a state."""
+    """Dimension of the signal of an entry; None of a state."""
     signal = known.names.signal(slot.name.partition("(")[0])
     return None if signal is None else signal.dimension
 

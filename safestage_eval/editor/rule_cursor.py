@@ -1,4 +1,4 @@
-"""What stands at a position of a rule file that somebody is still typing.
+"""The tables, keys and words around a position of a rule file that is being typed.
 
 The text need not be valid TOML: a string ends with its line, an inline table too, and a header or an
 entry ends an array that was left open.
@@ -137,7 +137,7 @@ class _Scan:
 
 
 def place_at(text: str, offset: int) -> Place:
-    """What stands at a position: ``offset`` characters from the start of the text."""
+    """Find the table, key and word at a position, ``offset`` characters from the start of the text."""
     scan = _Scan()
     at, fresh = 0, True  # fresh: nothing but space before it on its line
     while at < offset:

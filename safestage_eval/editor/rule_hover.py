@@ -1,4 +1,4 @@
-"""What a word of a rule file means: the page that an editor shows beside it."""
+"""Hover pages: the meaning of a word of a rule file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DECLARED = {
 
 @dataclass(frozen=True)
 class Page:
-    """What is known of a word.
+    """Describe a word.
 
     Attributes:
         markdown: the page.

@@ -1,4 +1,4 @@
-"""What the rule checker says of a file that is open in an editor."""
+"""Diagnostics of the rule checker for a file that is open in an editor."""
 
 from __future__ import annotations
 

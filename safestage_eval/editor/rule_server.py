@@ -51,7 +51,7 @@ def make_server() -> LanguageServer:
         )
 
     def publish_all() -> None:
-        """Of every open file: one may extend the other."""
+        """Texts of every open file: one may extend another."""
         for uri in list(server.workspace.text_documents):
             publish(uri)
 
@@ -118,7 +118,7 @@ def make_server() -> LanguageServer:
 
 
 def _path(document: TextDocument) -> Path:
-    """Of a document; of one that was never saved, a name in the current folder."""
+    """Path of a document; a name in the current folder if it was never saved."""
     return Path(to_fs_path(document.uri) or "untitled.toml").resolve()
 
 

@@ -1,4 +1,4 @@
-"""What the rule language expects at a place of a file, by the way to it: ``("rule", 0, "during")``: a span."""
+"""Kinds of values that the rule language expects at a path of keys: ``("rule", 0, "during")``: a span."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class AtHand(Protocol):
         """Whether any column of a body's track is at hand."""
 
     def track(self, body: str, column: str) -> Array | None:
-        """As in ``Track``; None where it is not at hand.
+        """A column as in ``Track``; None where it is not at hand.
 
         The place of a fixture is one row, and may be read; that of a free body where it matters.
         """
@@ -74,28 +74,28 @@ class Whole:
         self._episode = episode
 
     def matters(self, body: str) -> bool:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return body in self._episode.tracks
 
     def some(self, body: str) -> bool:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return body in self._episode.tracks
 
     def track(self, body: str, column: str) -> Array | None:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         found: Array = getattr(self._episode.tracks[body], column)
         return found
 
     def contacts(self, pair: Pair, *_: str) -> Mapping[str, Array]:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return dict(zip(CONTACTS, self._episode.contacts.of_pair(pair, *CONTACTS), strict=True))
 
     def frames(self) -> RobotFrames | None:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return self._episode.frames
 
     def meshes(self) -> Mapping[str, Mesh]:
-        """As in ``AtHand``."""
+        """See ``AtHand``."""
         return self._episode.meshes
 
 

@@ -142,7 +142,7 @@ class Episode:
 
 
 def with_header(episode: Episode, header: Header) -> Episode:
-    """The same recording under another header; its hash stays that of what was recorded."""
+    """Return the recording under another header; the content hash stays."""
     changed = replace(episode, header=header)
     vars(changed)["_vouched"] = lambda _: episode.trace_hash
     return changed

@@ -47,11 +47,11 @@ class Source(Record):
     recorder_version: str | None = None
     licence: str | None = None
     episode: str | None = None
-    """Of an imported episode: its file and its name there. Since 1.1."""
+    """Source of an imported episode: its file and its name there. Since 1.1."""
     fingerprint: str | None = None
-    """Of an imported episode: tells other data, and other settings of the import. Since 1.1."""
+    """Digest of an imported episode's data and of the settings of the import. Since 1.1."""
     account: tuple[Remark, ...] = ()
-    """Of an imported episode: what was missing, recomputed or guessed. Since 1.1."""
+    """Remarks on an imported episode: data that were missing, recomputed or guessed. Since 1.1."""
 
 
 class Header(Record):

@@ -47,7 +47,7 @@ def as_judged(episode: Episode) -> Episode:
 
 
 def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
-    """The same episode with a frame in every hole; itself where there is none, or they are in.
+    """Return the episode with a frame in every hole; unchanged where there is none, or they are in.
 
     ``begins``: it is told from its start, not a window of it.
     """

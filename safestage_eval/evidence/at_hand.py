@@ -30,11 +30,11 @@ class ReadSoFar:
         return self._chained or not self._players or body in self._players
 
     def some(self, body: str) -> bool:
-        """As in ``contradictions.AtHand``."""
+        """See ``contradictions.AtHand``."""
         return self._gaps.knows(body)
 
     def track(self, body: str, column: str) -> NDArray[Any] | None:
-        """As in ``contradictions.AtHand``."""
+        """See ``contradictions.AtHand``."""
         if not self._gaps.knows(body, column):
             record = self._episode.bodies[body]
             fixed = not record.movable and record.kind == "fixture"
@@ -45,7 +45,7 @@ class ReadSoFar:
         return found
 
     def contacts(self, pair: Pair, *read: str) -> Mapping[str, NDArray[Any]]:
-        """As in ``contradictions.AtHand``."""
+        """See ``contradictions.AtHand``."""
         asked = self._gaps.asked.get(pair, ())
         names = [column for column in CONTACTS if column in asked or column in read]
         if not names:
@@ -53,12 +53,12 @@ class ReadSoFar:
         return dict(zip(names, self._episode.contacts.of_pair(pair, *names), strict=True))
 
     def frames(self) -> RobotFrames | None:
-        """As in ``contradictions.AtHand``."""
+        """See ``contradictions.AtHand``."""
         found: RobotFrames | None = vars(self._gaps.episode).get("frames")
         return found
 
     def meshes(self) -> Mapping[str, Mesh]:
-        """As in ``contradictions.AtHand``."""
+        """See ``contradictions.AtHand``."""
         meshes = self._episode.meshes
         found: Mapping[str, Mesh] = getattr(meshes, "loaded", meshes)
         return found

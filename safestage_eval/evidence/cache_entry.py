@@ -89,7 +89,7 @@ class Entry:
         return self._index
 
     def names(self) -> list[str]:
-        """Of all values."""
+        """Names of all values."""
         return [*self._plain, *self._arrays()]
 
     def get(self, name: str) -> Value | None:

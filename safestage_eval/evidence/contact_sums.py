@@ -92,7 +92,7 @@ class ContactSums:
         return sums if sound else self._sound(key, frame, force, normal)
 
     def _sound(self, key: Pair, frame: Any, force: Any, normal: Any) -> F64:
-        """As ``normal``, of the contacts that can be; where others are, the force is not known."""
+        """Like ``normal``, for valid contacts; where others are, the force is unknown."""
         long, pulls = strange(force, normal)
         for rows, why in (
             (long, "a contact normal is not of unit length"),

@@ -202,7 +202,7 @@ class Request(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the built-in signal."""
+        """Name of the built-in signal."""
         return self.signal.name
 
     @property

@@ -90,7 +90,7 @@ def _joined(known: Any, more: Any) -> Any:
 
 
 def _open_end(found: Series) -> Series:
-    """The same series; if its velocities were derived, which a note says, its last frame is open."""
+    """Return the series; its last frame is open if a note says that its velocities were derived."""
     if not found.notes:
         return found
     lower, upper = found.lower.copy(), found.upper.copy()
@@ -99,7 +99,7 @@ def _open_end(found: Series) -> Series:
 
 
 def _longer(partial: Partial, frames: int) -> Partial:
-    """The same measurement over more frames, of which the new ones are missing."""
+    """Return the measurement over more frames; the new ones are missing."""
     found, before = Partial.blank(frames), len(partial.done)
     found.lower[:before], found.upper[:before] = partial.lower, partial.upper
     found.done[:before] = partial.done

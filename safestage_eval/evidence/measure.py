@@ -123,7 +123,7 @@ class Signals(Facts):
         slack: float,
         options: Options,
     ) -> Series:
-        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``query.Query``."""
+        """Measure once: ``cap``, ``deep`` and ``slack`` as in ``query.Query``."""
 
         def measure(near: Any) -> Series:
             signals: Signals = self if near is None else near.signals

@@ -89,7 +89,7 @@ class Gaps:
         return found
 
     def of_bodies(self, bodies: Iterable[str], columns: Iterable[str] = POSE) -> Bool | None:
-        """The same of several bodies; with the frames at which nothing was recorded."""
+        """Gaps of several bodies, and frames without any record."""
         found, columns = self.unseen, tuple(columns)
         for body in bodies:
             lost = self.of_body(body, columns)
@@ -129,7 +129,7 @@ class Gaps:
         return lost | self.unseen
 
     def of_pairs(self, pairs: Iterable[Pair]) -> Bool | None:
-        """The same of several pairs."""
+        """Gaps of several pairs."""
         found = self.unseen
         for pair in pairs:
             lost = self._pairs.get((min(pair), max(pair)))

@@ -15,7 +15,7 @@ F64 = NDArray[np.float64]
 CUTOFF = 10.0
 """Hz, up to where the spectrum counts at most."""
 SHARE = 0.05
-"""Of the greatest magnitude: the spectrum counts up to where it last reaches this."""
+"""Share of the greatest magnitude: the spectrum counts up to where it last reaches this."""
 PADDED = 4
 """How many times as long as the next power of two the transform is."""
 AT_REST = 1e-6

@@ -108,7 +108,7 @@ def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
 
 @helper
 def _face_middle(geoms: Packed, g: int, d: F64, box: F64, out: F64) -> None:
-    """As support_point, margin included, but the middle of a face that looks along d (3,).
+    """Like ``support_point``, margin included, but the middle of a face that looks along d (3,).
 
     ``box`` (2, 3) is scratch.
     """

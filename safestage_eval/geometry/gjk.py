@@ -60,7 +60,7 @@ def scratch() -> Scratch:
 
 @helper
 def _flat_difference(pair: Pair, at_a: F64, at_b: F64, out: F64) -> None:
-    """As ``difference``, flattened along ``pair.up``."""
+    """Like ``difference``, flattened along ``pair.up``."""
     difference(pair, at_a, at_b, out)
     up = pair.up
     level = out[0] * up[0] + out[1] * up[1] + out[2] * up[2]

@@ -97,7 +97,7 @@ def clearance_pairs(
     deep: bool = False,
     backend: str = "gjk",
 ) -> Clearance:
-    """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
+    """Like ``clearance_series``, over chosen pairs of bodies (a robot's own links, say); T = frames."""
     if backend != "gjk" and not flat:
         return _foreign(list(pairs), frames, cap, backend)
     query = Query(float(cap), float(slack), flat, deep)

@@ -158,7 +158,7 @@ def chord(motion: Motion, radius: float, t: int, s: int) -> float:
 
 @helper
 def _displaced(motion: Motion, radius: float, t: int, s: int, turn: float) -> float:
-    """As ``chord``, where the ``_turn_chord`` between the frames is known."""
+    """Like ``chord``, where the ``_turn_chord`` between the frames is known."""
     dx = motion.centre[t, 0] - motion.centre[s, 0]
     dy = motion.centre[t, 1] - motion.centre[s, 1]
     dz = motion.centre[t, 2] - motion.centre[s, 2]

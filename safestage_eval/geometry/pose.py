@@ -164,7 +164,7 @@ def mean_orientation(orientation: ArrayLike) -> F64:
 
 @helper
 def _norm(orientation: Numbers, t: int) -> float:
-    """Of the quaternion in row t; NaN where it is 0 or not finite."""
+    """Norm of the quaternion in row t; NaN where it is 0 or not finite."""
     square = 0.0
     for i in range(4):
         part = np.float64(orientation[t, i])

@@ -34,7 +34,7 @@ def _segment(points: F64, i: int, j: int, weight: F64) -> float:
 
 @kernel
 def _triangle(points: F64, i: int, j: int, k: int, weight: F64, other: F64) -> float:
-    """As ``_segment``, for a triangle; ``other`` (4,) is scratch."""
+    """Like ``_segment``, for a triangle; ``other`` (4,) is scratch."""
     ax, ay, az = points[i, 0], points[i, 1], points[i, 2]
     bx, by, bz = points[j, 0] - ax, points[j, 1] - ay, points[j, 2] - az
     cx, cy, cz = points[k, 0] - ax, points[k, 1] - ay, points[k, 2] - az
@@ -75,7 +75,7 @@ def _volume(points: F64, i: int, j: int, k: int) -> float:
 
 @helper
 def _tetrahedron(points: F64, weights: F64) -> float:
-    """As ``_segment``, for all four points; weights into the first row of ``weights`` (4, 4).
+    """Like ``_segment``, for all four points; weights into the first row of ``weights`` (4, 4).
 
     0 with four positive weights when the origin is inside.
     """

@@ -54,7 +54,7 @@ def _margins(points: F64, first: I64, many: I64, centre: F64, out: F64) -> None:
 
 @kernel
 def _margin(hull: F64, corners: int, x: float, y: float) -> float:
-    """Of one point to a counter-clockwise hull; NaN if that is thinner than SLENDER."""
+    """Signed distance of one point to a counter-clockwise hull; NaN if that is thinner than SLENDER."""
     if corners < 3:
         return np.nan
     level, apart, width = np.inf, np.inf, np.inf

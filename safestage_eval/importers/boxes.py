@@ -13,7 +13,7 @@ from safestage_eval.geometry.pose import conjugate, rotate, unit
 F64 = NDArray[np.float64]
 
 FRAMES = 400
-"""As many frames as are looked at, spread over the episode."""
+"""Frames that are examined at most, spread over the episode."""
 ALIGNED = 1.5e-3
 """m. Corners that fit a box along the body's own axes this well are taken for one."""
 

@@ -35,7 +35,7 @@ from .stateless import ask_for
 F64 = NDArray[np.float64]
 
 POSE_WORDS = r"obj|pose|environment_state|body|sim_state"
-"""What names of columns have that may be poses of objects."""
+"""Pattern of column names that may be poses of objects."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class ColumnImporter(Importer):
 
     @abstractmethod
     def publisher(self) -> str:
-        """What the source says of where it comes from."""
+        """Origin of the source, in its own words."""
 
     def fingerprint(self, name: str) -> str:
         """Digest of the episode's first and last row in the mapped columns."""

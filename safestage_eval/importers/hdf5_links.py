@@ -44,7 +44,7 @@ def check_links(file: Any, where: str) -> None:
 
 
 Unfolded = tuple[int, int, int]
-"""Of a group: entries below it by every way, groups inside each other, entries of its own."""
+"""Counts of a group: entries below it by every path, nesting depth, entries of its own."""
 
 
 def _group(

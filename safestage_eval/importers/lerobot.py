@@ -56,7 +56,7 @@ class LeRobot(ColumnImporter):
         return [f"episode_{number}" for number in sorted(self._tables.files)]
 
     def seen(self) -> list[str]:
-        """Of ``meta/info.json``, without images."""
+        """Columns of ``meta/info.json``, without images."""
         return [name for name in self._features if name not in OWN and "image" not in name]
 
     def publisher(self) -> str:

@@ -42,7 +42,7 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 class _Beside:
-    """What trimesh asks for files that a mesh names: buffers of glTF in its folder, and nothing else."""
+    """Resolver for trimesh that opens only glTF buffers beside the mesh."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

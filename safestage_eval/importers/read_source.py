@@ -91,11 +91,11 @@ class Reader:
             return error
 
     def format(self, path: Path, only: str | None) -> tuple[str, str] | None:
-        """As ``registry.recognise``."""
+        """See ``registry.recognise``."""
         return recognise(path, only)
 
     def unrecognised(self, path: Path, only: str | None) -> SourceError:
-        """As ``registry.unrecognised``."""
+        """See ``registry.unrecognised``."""
         return unrecognised(path, only)
 
     def episodes(self, path: Path, format: str) -> list[str]:  # noqa: A002

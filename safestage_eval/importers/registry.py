@@ -29,7 +29,7 @@ FROM_SIMULATE = ("mujoco",)
 """Formats that need MuJoCo: ``simulate.importers.NAME`` has a class ``IMPORTER``."""
 
 TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa, MJX)"}
-"""Of the formats whose file may be out of reach."""
+"""Titles of formats whose file may be out of reach."""
 
 
 def importers() -> dict[str, type[Importer] | str]:

@@ -40,7 +40,7 @@ _SHARD = (
 
 
 class Column(NamedTuple):
-    """What ``features.json`` says of a column: how many numbers a step has, None for what has none."""
+    """A column of ``features.json``: numbers per step (None without any), and whether it is encoded."""
 
     width: int | None
     encoded: bool
@@ -83,7 +83,7 @@ class Rlds(ColumnImporter):
         return list(self._places)
 
     def seen(self) -> list[str]:
-        """Of ``features.json``."""
+        """Columns of ``features.json``."""
         return list(self._table)
 
     def publisher(self) -> str:

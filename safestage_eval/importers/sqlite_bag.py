@@ -129,4 +129,4 @@ def _opened(path: Path) -> sqlite3.Connection:
 
 _TABLE = """SELECT type, rootpage > 0, (SELECT count(*) FROM pragma_table_xinfo(?1) WHERE hidden > 0)
 FROM sqlite_master WHERE lower(name) = ?1"""
-"""What kind of thing has a name, whether it is stored, and how many of its columns are computed."""
+"""Query: the type of a name's entry, whether it is stored, and how many columns are computed."""

@@ -140,7 +140,7 @@ class Paired:
     def interval(
         self, seed: int = 0, resamples: int = RESAMPLES, confidence: float = CONFIDENCE
     ) -> tuple[float, float] | None:
-        """As ``bootstrap``; where all tasks differ alike, so that it has no width, ``newcombe``'s."""
+        """``bootstrap``'s interval; ``newcombe``'s where all tasks differ alike, so that it has no width."""
         interval = self.bootstrap(seed, resamples, confidence)
         return (
             newcombe(*self.sums, confidence)

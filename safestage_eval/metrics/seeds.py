@@ -63,7 +63,7 @@ class Rate:
     metric: str
     """SR, SSR, USR or VR."""
     name: str
-    """As a table calls it: ``ISH-VR`` for the VR of the stage ISH."""
+    """Name in tables: ``ISH-VR`` for the VR of the stage ISH."""
 
     @property
     def k(self) -> int:

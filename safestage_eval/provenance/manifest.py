@@ -27,7 +27,7 @@ from safestage_eval.version import __version__
 STATEMENT = "https://in-toto.io/Statement/v1"
 PREDICATE = "urn:safestage:evaluation:v1"
 ENDING = ".intoto.json"
-"""Of a manifest beside its results."""
+"""File name of a manifest beside its results."""
 
 
 def trace_digests(episode: Episode) -> dict[str, str]:

@@ -21,7 +21,7 @@ I64 = NDArray[np.int64]
 CONE_SIDES = 16
 """Edges of the pyramid that stands for a friction cone: within 2 % of its friction."""
 TOLERANCE = 1e-7
-"""Of the total weight: a force that would better the balance by less is not looked for."""
+"""Share of the total weight: forces that improve the balance by less are not searched."""
 COMPLIANCE = 1e-9
 """A spring in series with each force, so that of many forces that balance one set is found."""
 

@@ -14,7 +14,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 CORNERS = 12
-"""Of a round outline so many are looked at: the patch is 3 % smaller at most."""
+"""Points that stand for a round outline: the patch is 3 % smaller at most."""
 STRAIGHT = 1e-12
 """m²: twice the area of three points that lie on one line."""
 THIN = 1e-9

@@ -282,7 +282,7 @@ def _far(points: F64, owner: I64, others: F64, their_owner: I64) -> Bool:
 
 
 def _far_of_many(points: F64, owner: I64, others: F64, their_owner: I64) -> Bool:
-    """The same in little memory. Importing scipy takes as long as judging ten episodes."""
+    """Like ``_firmness``, in little memory. Importing scipy takes as long as judging ten episodes."""
     from scipy.spatial import cKDTree
 
     apart = 2 * STAYS  # of owners, in a fourth direction

@@ -40,7 +40,7 @@ CALMER = 0.95
 BALANCED = 0.003
 """Share of g: what is less out of balance has found its forces."""
 LOOSE = 1e-4
-"""Of the greatest stiffness: what nothing else holds is held by so much, or no step were finite."""
+"""Share of the greatest stiffness that holds a body nothing else holds, so that steps stay finite."""
 
 
 class Springs(NamedTuple):

@@ -227,7 +227,7 @@ def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
 
 
 def _dimension(signal: str | None) -> str | None:
-    """Of a signal by its name; None of what is no signal of its own, such as when a state begins."""
+    """Dimension of a signal by its name; None of other entries, such as when a state begins."""
     spec = SIGNALS.get((signal or "").partition("(")[0])
     return None if spec is None else spec.dimension
 

@@ -168,7 +168,7 @@ class Usage(References):
 
 
 def _of_states(key: str) -> ast.PastAtom | ast.PairAtom:
-    """As ``parse.of_states``. Raises GrammarError."""
+    """See ``parse.of_states``. Raises GrammarError."""
     atom = parse.of_states(key)
     if atom is None:
         raise parse.GrammarError(

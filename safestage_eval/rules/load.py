@@ -114,6 +114,6 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
 
 
 def _dimension(signal: Signal | None) -> str:
-    """Of a derived signal of checked files."""
+    """Dimension of a derived signal of checked files."""
     assert signal is not None
     return signal.dimension

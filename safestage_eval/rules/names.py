@@ -119,7 +119,7 @@ class Names:
                 self.rules.add(rule["code"])
 
     def operand_dimension(self, value: Any) -> str | None:
-        """Of what a derived signal is computed from, as TOML gives it; None if that cannot be said."""
+        """Dimension of the operands of a derived signal, as TOML gives them; None if unknown."""
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             return None
         try:

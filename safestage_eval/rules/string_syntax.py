@@ -82,7 +82,7 @@ class Call:
     args: tuple[str, ...]
 
     def __str__(self) -> str:
-        """As written in rule files."""
+        """Return the call as written in rule files."""
         return f"{self.name}({', '.join(self.args)})"
 
 

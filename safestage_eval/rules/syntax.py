@@ -94,7 +94,7 @@ class SignalDef:
 
 
 Operand = SignalAtom | Quantity | Parameter | StateAtom
-"""What a signal is computed from."""
+"""Operand of a computed signal."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class DerivedDef:
     """Signals without limits, and constants; of ``holds`` a state."""
     dimension: str
     over: Duration | Parameter | None = None
-    """Of a derivative: the time within which the change is taken."""
+    """Window of a derivative: the time over which the change is taken."""
 
 
 @dataclass(frozen=True)

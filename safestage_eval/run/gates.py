@@ -42,7 +42,7 @@ class Gates:
 
     @classmethod
     def of(cls, rules: Sequence[str | Path]) -> Gates:
-        """Of rule files as they were named; the default, all built-in sets, names none."""
+        """Gates for rule files as given; the default, all built-in sets, names none."""
         from safestage_eval.rules import builtin_names
         from safestage_eval.rules.files import codes_of
 

@@ -47,7 +47,7 @@ class Ledger(Protocol):
 
     @property
     def folder(self) -> Path:
-        """Of the parts; every machine of the cluster sees it."""
+        """Folder of the parts; every machine of the cluster sees it."""
 
     def key(self, number: int) -> str:
         """Under which a result is kept."""

@@ -109,7 +109,7 @@ class Parts:
         return self._episode[row]
 
     def trace(self, row: int) -> int:
-        """Likewise for the content of the trace."""
+        """A number that stands for the content of the trace."""
         return self._trace[row]
 
     def _read(self, file: int) -> list[bytes] | None:

@@ -207,7 +207,7 @@ class _Ledger:
 
     @property
     def folder(self) -> Path:
-        """Of the parts."""
+        """Folder of the parts."""
         return self.parts.folder.absolute()
 
     def todo(self, refs: Iterable[EpisodeRef]) -> Iterator[Numbered]:

@@ -82,7 +82,7 @@ class Forces:
         return [*standing, *pushes, *self._grips(frame, hanging)]
 
     def _standing(self, frame: int, pushes: list[Row]) -> tuple[list[Row], dict[str, float]]:
-        """As ``Resting.at``; frames at which nothing has moved since the last one share the answer."""
+        """Like ``Resting.at``; frames without motion since the last one share the answer."""
         poses = {name: self.paths.pose(name, frame) for name in self.paths.solids}
         key = [np.concatenate([*pose]).round(7) for pose in poses.values()]
         key += [np.concatenate([push.point, push.force]).round(7) for push in pushes]

@@ -67,7 +67,7 @@ class ComputedSignals(Answers, ABC):
     def _computed(
         self, computed: ast.DerivedDef, bodies: tuple[str, ...], wanted: Bool | None
     ) -> Series:
-        """Of a body that lacks one of the quantities it is −∞, as the quantity itself."""
+        """−∞ for a body that lacks one of the quantities, like the quantity itself."""
         env, operation = dict(zip(computed.of, bodies, strict=True)), computed.operation
         where = wanted if OPERATIONS[operation].pointwise else None
         operands = [self._operand(one, env, where) for one in computed.operands]

@@ -116,7 +116,7 @@ class Conditions(ComputedSignals, ABC):
     def measured_series(
         self, measurement: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None
     ) -> Series:
-        """As ``series``, of a measurement that is known already."""
+        """Like ``series``, of a given measurement."""
         computed = self.rules.derived.get(measurement.name)
         if computed is not None and atom.since is None:
             return self.computed_series(computed, measurement.bodies, wanted)

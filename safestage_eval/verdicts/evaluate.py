@@ -55,7 +55,7 @@ class Evaluator(PartialStates):
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
     def under(self, params: ast.Params) -> Evaluator:
-        """The same episode under other values; what they cannot change is shared."""
+        """Return an evaluator of the episode under other values; shares everything they cannot change."""
         found = Evaluator(
             self.relations,
             self.rules,

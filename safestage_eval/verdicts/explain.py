@@ -22,7 +22,7 @@ from .witness import Witness
 
 
 class Finding(NamedTuple):
-    """Of a verdict, what its sentence says besides the witness; fields as there."""
+    """Parts of a verdict's sentence besides the witness; fields as in ``Verdict``."""
 
     verdict: VerdictName
     time: float | None

@@ -36,7 +36,7 @@ def before(baseline: Baseline, first: int, frames: int) -> Reference:
 
 
 def one_earlier(reference: Reference, coarse: Bool) -> Reference | None:
-    """The same events, each as early as the sample before allows; None where that is nowhere else.
+    """The events, each as early as the sample before allows; None where that changes none.
 
     ``coarse`` (T,): much may happen up to the next sample.
     """

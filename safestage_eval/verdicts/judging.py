@@ -203,7 +203,7 @@ class Judge:
         return judge_with_levels(self.evaluator(self._values(rule)), rule, players, blank)
 
     def outline(self, rule: ast.Rule) -> Verdict:
-        """As ``verdict``, but only whether it is inconclusive: a decided one is told as a pass."""
+        """Like ``verdict``, but only decides whether it is inconclusive: decided ones come out as a pass."""
         blank, players = self._start(rule)
         if not blank.vacuity and is_decided(self.evaluator(self._values(rule)), rule, players):
             return replace(blank, verdict="pass")

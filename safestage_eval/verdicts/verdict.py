@@ -38,7 +38,7 @@ class Verdict:
     value: float | None = None
     limit: float | None = None
     dimension: str | None = None
-    """Of value, limit and margin, as in ``units.DIMENSIONS``."""
+    """Dimension of value, limit and margin, as in ``units.DIMENSIONS``."""
     margin: float | None = None
     """Distance of the value from its limit, negative when violated. For an ordering rule,
     t_commit - t_resolve in seconds."""

@@ -28,7 +28,7 @@ APPLICATION = "safestage"
 """Rerun applies a blueprint to recordings of the same application."""
 
 TIMELINE = "message_log_time"
-"""What Rerun's reader of MCAP files calls the time of a message."""
+"""Name of a message's time in Rerun's reader of MCAP files."""
 
 
 def require_rerun() -> None:

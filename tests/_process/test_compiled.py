@@ -15,7 +15,7 @@ from safestage_eval.formats import save
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH = 24, 1, 2
-"""What lets root write and look where modes forbid it; see linux/prctl.h and linux/capability.h."""
+"""Capabilities by which root writes and reads where modes forbid it; see linux/prctl.h, linux/capability.h."""
 
 HOMELESS = "import pwd\ndef unknown(_): raise KeyError('uid not found')\npwd.getpwuid = unknown\n"
 """A user id that the machine does not know: containers are started under such."""

@@ -37,7 +37,7 @@ print(numba.njit(lambda x: np.zeros(x).sum() + 1)(3), _contains.dispatcher.signa
 
 @pytest.fixture(scope="module")
 def file():
-    """What this machine has compiled."""
+    """Kernels that this machine has compiled."""
     compile_kernels()
     path = machine_code.file()
     assert path is not None
@@ -110,7 +110,7 @@ def test_code_that_cannot_be_linked_is_not_kept(tmp_path):
 
 
 def test_a_first_verdict_loads_no_numba(file, tmp_path):
-    """Of MCAP and of Parquet: their arrays have dtypes of their own."""
+    """Episodes of MCAP and of Parquet: their arrays have dtypes of their own."""
     trace = str(next((CHECKOUT / "traces").glob("fsh_*.mcap")))
     run(["convert", trace, "--to", "parquet", "--out", str(tmp_path / "parquet")])
     for path in (trace, str(tmp_path / "parquet")):
@@ -118,7 +118,7 @@ def test_a_first_verdict_loads_no_numba(file, tmp_path):
 
 
 def run(arguments):
-    """What a command writes, and whether numba was loaded."""
+    """Output of a command, and whether numba was loaded."""
     code = (
         "import sys; from safestage_eval.cli import main; sys.argv = ['safestage', *sys.argv[1:]]\n"
         "try: main()\n"

@@ -1,4 +1,4 @@
-"""What a notebook does: load, look at signals, score into a DataFrame."""
+"""Steps of a notebook: load, look at signals, score into a DataFrame."""
 
 import dataclasses
 from dataclasses import replace
@@ -166,7 +166,7 @@ def test_problems_are_listed_beside_the_rows(traces, tmp_path):
 
 
 def stripped(episode, **header):
-    """The same episode with another header."""
+    """Return the episode with another header."""
     return replace(episode, header=episode.header.model_copy(update=header))
 
 

@@ -1,4 +1,4 @@
-"""What is kept of recorded episodes is what happened in them, and mistakes in files show in it."""
+"""Summaries say what happened in recorded episodes, and show mistakes in files."""
 
 from __future__ import annotations
 

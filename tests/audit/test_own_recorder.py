@@ -76,7 +76,7 @@ def told_decided(episode, rules):
 
 
 def test_what_can_be_decided_is_what_scoring_decides(tmp_path):
-    """Of a trace without a robot, and of recorded episodes as if no rule were assigned to them."""
+    """Audit a trace without a robot, and recorded episodes as if no rule were assigned to them."""
     rules = load_rules(builtin_names())
     own = load(record(tmp_path / "own.mcap"))
     bare = [replace(e, header=e.header.model_copy(update={"rules": ()}))

@@ -53,7 +53,7 @@ def test_every_format_tells_the_same_numbers(table):
 
 @pytest.mark.parametrize("form", ["table", "markdown", "latex"])
 def test_coverage_comes_first(tmp_path, form):
-    """Of the whole in the first line, of each row of rates in a column."""
+    """Counts of the whole in the first line, of each row of rates in a column."""
     outcomes = campaign(5, open_share=0.4)
     frame(outcomes).to_csv(tmp_path / "open.csv", index=False)
     n, total = sum(o.decided for o in outcomes), len(outcomes)

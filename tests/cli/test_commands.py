@@ -110,7 +110,7 @@ def test_the_simulator_missing_altogether(monkeypatch):
 
 @pytest.mark.parametrize("arguments", [("rules", "show"), ("rules", "signals", "--json")])
 def test_a_reader_that_goes_away_is_no_failure(arguments):
-    """As in ``safestage rules show | head -1``."""
+    """Close the pipe early, like ``safestage rules show | head -1``."""
     code = "import sys; from safestage_eval.cli import main; sys.argv[0] = 'safestage'; main()"
     arguments = [sys.executable, "-c", code, *arguments]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as command:

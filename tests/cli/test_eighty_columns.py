@@ -24,7 +24,7 @@ def results(tmp_path_factory):
 
 
 def shown(monkeypatch, arguments, width):
-    """What a command prints on a terminal of some width, stdout and stderr."""
+    """Output of a command on a terminal of some width, stdout and stderr."""
     monkeypatch.setenv("COLUMNS", str(width))
     token = LINE_WIDTH.set(width)
     try:

@@ -1,4 +1,4 @@
-"""What nothing touches falls, also where nobody looked often."""
+"""Untouched bodies fall, also in rare samples."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ FRAMES = 16
 
 
 def contradicted(rate, path=(-0.3, 0, 0.05), touched=(), lost=(), **fields):
-    """What is wrong with a box on a path, in a scene where another one rests on a table."""
+    """Problems of a box on a path, in a scene where another one rests on a table."""
     scene = Scene(FRAMES, rate).fixed("table").box("b", 0.05, (0.3, 0, 0.05))
     scene.rests("b", "table", 0.05, (0.3, 0, 0), G).box("a", 0.05, path, **fields)
     for frame in touched:

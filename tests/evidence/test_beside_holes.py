@@ -1,4 +1,4 @@
-"""What is measured beside a hole, where nothing was recorded, uses no pose that was put in there."""
+"""Measurements beside a hole use no pose that was put into it."""
 
 from dataclasses import replace
 

@@ -84,7 +84,7 @@ def test_a_derivative_beside_what_was_not_seen_is_not_known() -> None:
 
 
 def test_an_integral_is_not_known_behind_what_was_not_seen() -> None:
-    """Of a size, which is 0 at least, it is known to be no less than before."""
+    """A size, which is at least 0, is no less than before."""
     t = np.arange(5) / 10
     intervals = [(1, 1), (1, 1), (-np.inf, np.inf), (1, 1), (1, 1)]
     low, high = summed_over_time(series(intervals), t)

@@ -1,4 +1,4 @@
-"""What was not measured is unknown, and nothing else is."""
+"""Unmeasured values are unknown, and no others."""
 
 from dataclasses import replace
 

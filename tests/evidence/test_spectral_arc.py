@@ -16,7 +16,7 @@ def bell(t, middle: float, width: float):
 @pytest.mark.parametrize("width", [0.1, 0.2, 0.35])
 @pytest.mark.parametrize("rate", [50.0, 120.0])
 def test_a_bell_has_the_length_of_its_spectrum(width, rate) -> None:
-    """Of exp(−t²/2w²) the spectrum is exp(−2π²w²f²): it falls to 5 % at a frequency that is known."""
+    """The spectrum of exp(−t²/2w²) is exp(−2π²w²f²): it falls to 5 % at a known frequency."""
     t = np.arange(0, 6, 1 / rate)
     end = min(np.sqrt(-np.log(SHARE) / 2) / (np.pi * width), CUTOFF)
 

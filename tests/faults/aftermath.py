@@ -1,4 +1,4 @@
-"""What came of a fault, and what must be true after each."""
+"""Outcomes of faults, and the laws that hold after each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from victims import Victim
 
 @dataclass
 class Row:
-    """What came of one kind of fault to one writer."""
+    """Outcome of one kind of fault to one writer."""
 
     victim: str
     fault: str
@@ -40,7 +40,7 @@ def left_of(row: Row, victim: Victim, folder: Path, committed: set[str]) -> set[
 
 
 def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
-    """What must be true after any fault, and that the next run finishes the work."""
+    """Assert what holds after any fault, and that the next run finishes the work."""
     left_of(row, victim, folder, committed)
     again = Child(victim, folder)
     code = again.wait()

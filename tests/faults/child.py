@@ -45,7 +45,7 @@ class Child:
             os._exit(code)
 
     def kill(self) -> None:
-        """As the system does when memory runs out: at once, without a word."""
+        """End at once and silently, like the system when memory runs out."""
         os.kill(self.pid, 9)
 
     def ended(self) -> bool:
@@ -63,7 +63,7 @@ class Child:
         return self.code
 
     def committed(self) -> set[str]:
-        """What it said it had written for good; after its end."""
+        """Records that it reported as written; after its end."""
         with os.fdopen(self._committed, "rb") as stream:
             return set(stream.read().decode().split())
 

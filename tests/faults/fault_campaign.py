@@ -228,7 +228,7 @@ HEADS = (
 
 
 def table(rows: list[Row], before: Iterable[str] = ()) -> str:
-    """As Markdown; rows of an earlier run (lines) stay where this one has none for the same fault."""
+    """Render as Markdown; rows of an earlier run stay where this one has none for the same fault."""
     lines = {_about(line): line for line in before}
     for r in rows:
         if r.tried:

@@ -25,7 +25,7 @@ OVERRIDES = sum(1 << number for number in (1, 2, 3))
 
 
 def injected(told: dict[str, Any]) -> Callable[[], None]:
-    """What a forked process does first, so that it and all that it starts have the faults."""
+    """Return the first step of a forked process, so that it and its children have the faults."""
 
     def begin() -> None:
         os.environ["SAFESTAGE_FAULTS"] = json.dumps(told)

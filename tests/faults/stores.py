@@ -14,7 +14,7 @@ from victims import StoreScorer
 ALL = {0}
 """Exit codes: everything was judged."""
 SOME = {0, 2}
-"""What could not be read is listed."""
+"""Episodes that could not be read are listed."""
 
 
 def slow_store(victim: StoreScorer, times: int, chance: random.Random, place: Path) -> Row:

@@ -37,7 +37,7 @@ def names() -> list[str]:
 
 
 def recording(name: str):
-    """The same each time: a falling cube, of another length for each id."""
+    """A falling cube, of another length for each id; equal each time."""
     return falling_cube(
         name, frames=40 + 5 * int(name[1:]), task=f"t{int(name[1:]) % 3}", policy="p", stage="FSH",
         roles={"target": ("cube",)}, rules=("FSH101",), success=True, success_time=0.1,
@@ -198,7 +198,7 @@ class Scorer(Victim):
 
 
 class ClusterScorer(Scorer):
-    """The same through a Ray cluster of this machine."""
+    """Score through a Ray cluster of this machine."""
 
     name = "scorer on a Ray cluster"
 
@@ -217,7 +217,7 @@ class StoreScorer(Scorer):
         self.store, self.traces = store, upload(source, store, "source")
 
     def go(self, folder: Path, commit: Commit) -> int:
-        """As before, told where the store is."""
+        """Start like ``Scorer``, with the address of the store."""
         os.environ |= {
             "AWS_ACCESS_KEY_ID": "test",
             "AWS_SECRET_ACCESS_KEY": "test",

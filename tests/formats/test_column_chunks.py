@@ -1,4 +1,4 @@
-"""What a footer states of its columns: what pyarrow reads of sound ones, and no end of the process."""
+"""Footers of Parquet files: sound ones read as by pyarrow, hostile ones do not end the process."""
 
 import shutil
 import subprocess

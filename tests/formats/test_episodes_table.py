@@ -24,7 +24,7 @@ def file(tmp_path):
 
 
 def rewritten(file, change):
-    """The same file with another table in it."""
+    """Return the file with another table in it."""
     pq.write_table(change(pq.read_table(file)), file)
     return file
 

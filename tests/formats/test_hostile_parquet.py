@@ -1,4 +1,4 @@
-"""What a Parquet file only claims costs no memory and ends no process: it is told in words."""
+"""Claims of a Parquet file cost no memory and end no process: they are refused in words."""
 
 import subprocess
 import sys
@@ -77,7 +77,7 @@ def test_rows_beyond_the_bound_are_refused_before_they_are_read(tmp_path, monkey
 
 @pytest.mark.parametrize("table", ["bodies", "contacts", "frames"])
 def test_no_damage_of_the_columns_passes_as_data(dataset, table):
-    """Of bytes everywhere in the columns: turned over, they are noticed."""
+    """Inverted bytes anywhere in the columns are noticed."""
     truth = load(dataset).content_hash
     [file] = (dataset / table).iterdir()
     whole = file.read_bytes()

@@ -112,7 +112,7 @@ def test_more_frames_than_there_is_room_for(monkeypatch):
 
 
 def own_cloud(n, points):
-    """As we write it: stamp, layout, and so many points."""
+    """A cloud as we write it: stamp, layout, and a number of points."""
     cloud = empty_cloud()
     cloud.timestamp.FromNanoseconds(n * 10**9 + n % 7)
     rng = np.random.default_rng(n)

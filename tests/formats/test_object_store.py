@@ -112,7 +112,7 @@ class TestRemote:
         assert not store.requests
 
     def test_only_what_is_asked_for_is_fetched_and_in_few_requests(self, uri, store, tmp_path):
-        """Of a long episode with many bodies one body's poses."""
+        """Read one body's poses of a long episode with many bodies."""
         from made import Size, write
 
         write(tmp_path / "made", "FSH", Size(frames=6000, objects=20))

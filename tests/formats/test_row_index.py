@@ -39,7 +39,7 @@ def index_of(file, table):
 
 
 def restated(file, change):
-    """The same file with another text as its index."""
+    """Return the file with another text as its index."""
     source = pq.ParquetFile(file)
     text = change(source.metadata.metadata.get(METADATA_KEY))
     groups = [source.read_row_group(i) for i in range(source.num_row_groups)]
@@ -202,7 +202,7 @@ def test_edited_numbers_are_noticed_in_whatever_row_groups(tmp_path, table, colu
 
 
 def test_columns_that_episodes_share_are_decoded_once(tmp_path, monkeypatch):
-    """Of a shard that another library wrote as one row group."""
+    """Read a shard that another library wrote as one row group."""
     truth = [stacked(f"e{n}", n) for n in (40, 60, 50)]
     for episode in truth:
         save(episode, tmp_path)

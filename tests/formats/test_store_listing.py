@@ -11,7 +11,7 @@ from safestage_eval.formats.remote_path import as_path
 
 
 class Flat:
-    """As Google's store is to Arrow: objects whose names have slashes, and no folders in lists."""
+    """Google's store as Arrow sees it: objects whose names have slashes, and no folders in lists."""
 
     def __init__(self, root):
         self.inner = fs.SubTreeFileSystem(str(root), fs.LocalFileSystem())

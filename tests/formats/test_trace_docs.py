@@ -1,4 +1,4 @@
-"""What the documentation and the schema files say is what the code does."""
+"""The documentation and the schema files agree with the code."""
 
 import json
 import re

@@ -35,7 +35,7 @@ TAKEN = {"table": "table", "dumbbell": "cube", "glasses": "glasses", "robot_base
 
 @cache
 def episode() -> Episode:
-    """Of a recorded episode three things and a hand without shape, as far as others' layouts go."""
+    """Three objects of a recorded episode and a hand without shape, as far as others' layouts go."""
     whole = recorded()[0]
     bodies, tracks = [], {}
     for body in whole.header.bodies:
@@ -75,7 +75,7 @@ class Import(ABC):
         return map_text(episode())
 
     def told(self, path: Path) -> Settings:
-        """What a user adds, by the path of the map file."""
+        """The user's settings, by the path of the map file."""
         return Settings(map=load_map(path))
 
     @abstractmethod
@@ -102,11 +102,11 @@ class Import(ABC):
         return judged(self.folder / "out", self.whole(), what, self.rules, damage=is_damage)
 
     def whole(self) -> Sound:
-        """What the sound source is imported as."""
+        """The episode that the sound source is imported as."""
         return self.wholes[0]
 
     def chosen(self, rng: Random, path: Path) -> Path:
-        """What is imported, of a copy of the seed."""
+        """The episode imported from a copy of the seed."""
         return path / self.source.relative_to(self.seed)
 
     def hurt(self, rng: Random, path: Path) -> tuple[str, bool]:
@@ -160,7 +160,7 @@ NO_DAMAGE = ("attribute", "name")
 """Acts on a tree after which it is another one."""
 
 ACTOR = re.compile(r"traj_0/env_states/(actors|articulations)/\w+")
-"""What ManiSkill's file mentions nowhere else: without it, it is a scene of fewer bodies."""
+"""Bodies that ManiSkill's file mentions nowhere else: without them it is a scene of fewer bodies."""
 
 
 def _in_hdf5(rng: Random, path: Path) -> tuple[str, bool]:

@@ -169,7 +169,7 @@ def _floats(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
 
 
 def _texts(content: bytes) -> tuple[bytes, dict[str, str]]:
-    """What the metadata record begins with, and its texts."""
+    """Head of the metadata record, and its texts."""
     size = int.from_bytes(content[:4], "little")
     at, end, texts = 4 + size + 4, len(content), {}
     while at < end:
@@ -188,7 +188,7 @@ def _metadata(head: bytes, texts: dict[str, str]) -> Record:
 
 
 def _unsealed(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
-    """What checksums would tell, told by none: there is neither content hash nor digest."""
+    """Remove content hash and digests, so that no checksum reports the change."""
     data, what, _ = rng.choice((_stretch, _stretch, _stretch, _header, _inside, _floats))(rng, data)
     found = records(data[: -len(MAGIC)])
     place = next(i for i, (kind, _) in enumerate(found) if kind == METADATA)
@@ -200,7 +200,7 @@ def _unsealed(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
 
 
 def _stretch(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
-    """The same numbers of some frames in a row are not there, or say something else."""
+    """Remove or change some numbers of consecutive frames."""
     found = records(data[: -len(MAGIC)])
     chunks = {i: _unpacked(content) for i, (kind, content) in enumerate(found) if kind == CHUNK}
     frames = [
@@ -241,7 +241,7 @@ def _packed(message: bytes) -> list[tuple[int, int]]:
 
 
 def _channel(chunks: Iterable[list[Record]]) -> bytes:
-    """Of the frames' messages: the first two bytes of each."""
+    """First two bytes of each of the frames' messages."""
     for inside in chunks:
         for kind, content in inside:
             if kind == CHANNEL and content[8 : 8 + len(FRAME)] == FRAME.encode():

@@ -1,4 +1,4 @@
-"""What a damaged trace lost or gained, told by its decoded columns, and what its verdicts may be then.
+"""Losses and gains of a damaged trace by its decoded columns, and the verdicts it may then have.
 
 - Nothing changed: every verdict is the same.
 - Something is gone, and nothing else changed: no verdict is safer.
@@ -36,12 +36,12 @@ MAY_BE_UNTOLD = {
 """Header fields that are evidence, and gone when they are None."""
 
 OF_A_BODY = {"mass", "finger", "tcp", "inertia"}
-"""The same of a body."""
+"""Compare a body."""
 
 
 @dataclass
 class Difference:
-    """What a trace has otherwise than another one."""
+    """Differences between two traces."""
 
     lost: list[str] = field(default_factory=list)
     hashed: list[str] = field(default_factory=list)
@@ -76,7 +76,7 @@ def verdicts_of(episode: Episode, by: RuleSet) -> dict[str, str]:
 
 
 def judged(path: Path, whole: Sound, what: str, by: RuleSet, *, damage: bool = False) -> Outcome:
-    """What becomes of a damaged trace.
+    """Judge a damaged trace.
 
     ``damage``: checksums cover what was done to it, or it is no number any more, so that even what reads
     as another value may lead to no other verdict.
@@ -126,7 +126,7 @@ def held(
 
 
 def difference(whole: Episode, found: Episode) -> Difference:
-    """What the second has otherwise than the first.
+    """Differences of the second from the first.
 
     Raises:
         InputError: something of the second cannot be read.

@@ -1,4 +1,4 @@
-"""What became of one hostile input."""
+"""Outcome of one hostile input."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 FINE = ("same", "unknown", "problem", "lie")
-"""What may become of an input: judged as if it were whole, judged less surely where evidence is gone,
+"""Allowed outcomes of an input: judged as if it were whole, judged less surely where evidence is gone,
 refused in words, or read as what somebody else might have recorded or written (``oracle``)."""
 
 BAD = ("unforeseen", "changed", "false pass", "swollen")
-"""What may not: an error that nobody foresaw, another verdict, among these a safer one, and more
+"""Forbidden outcomes: an unforeseen error, another verdict, among these a safer one, and more
 memory than the bound."""
 
 

@@ -286,7 +286,7 @@ def _headers(rng: Random, dataset: Path) -> tuple[str, bool]:
 
 
 def _unsealed(rng: Random, dataset: Path) -> tuple[str, bool]:
-    """What checksums would tell, told by none: the row has neither content hash nor digests."""
+    """Remove content hash and digests from the row, so that no checksum reports the change."""
     file = next((dataset / "meta/episodes").iterdir())
     row = pq.read_table(file).to_pylist()[0] | {"content_hash": None, "digests": None}
     _rewrite(file, pa.Table.from_pylist([row], schema("meta/episodes")), "episodes")

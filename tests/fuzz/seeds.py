@@ -84,7 +84,7 @@ def episodes() -> tuple[Episode, ...]:
 
 @cache
 def recorded() -> tuple[Episode, ...]:
-    """Of three recorded episodes some hundred frames each, with a channel and states of the simulator."""
+    """Some hundred frames of each of three recorded episodes, with a channel and simulator states."""
     traces = Path(__file__).resolve().parents[2] / "traces"
     refs = {ref.episode_id: ref for ref in discover(traces)}
     return tuple(

@@ -23,7 +23,7 @@ COLUMNS = {
 
 
 class SqliteBag(RosBag):
-    """The same messages in the tables of a database."""
+    """Messages in the tables of a database."""
 
     name = "ROS 2 bag in SQLite"
     read_by = ("mcap-ros2-support",)

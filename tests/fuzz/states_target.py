@@ -55,7 +55,7 @@ class States(Import):
     read_by = ("h5py", "mujoco")
 
     def write(self, folder: Path) -> tuple[Path, str]:
-        """The same rows in both layouts, each in a folder of its own."""
+        """Rows in both layouts, each in a folder of its own."""
         self.model = scene(bodies=BODIES, rest=REST)
         states = settled(self.model, rows=12)
         (folder / "hdf5").mkdir(parents=True)

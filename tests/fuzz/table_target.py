@@ -87,7 +87,7 @@ class Tables:
     def held(
         self, path: Path, rows: list[dict[str, Any]], asked: list[str], output: str, what: str
     ) -> Outcome:
-        """What was printed: the same as of the sound table, where the rows are its rows."""
+        """Compare the output with the sound table's, where the rows are its rows."""
         try:
             found = repr(read_rows(path))
         except InputError:  # in columns that the command does not read

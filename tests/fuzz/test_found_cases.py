@@ -1,4 +1,4 @@
-"""What hostile inputs once brought down, each made anew: now it is told in words."""
+"""Hostile inputs that once ended the process, each made anew: now refused in words."""
 
 import json
 import os
@@ -296,7 +296,7 @@ def test_cells_that_cannot_be(tmp_path, row):
 
 
 def json_recording(path, transforms, scene=None):
-    """What an importer may make of one message of transforms, and one of a scene."""
+    """Read one message of transforms and one of a scene."""
     from transforms_target import _in_json
 
     path.write_bytes(_in_json({"tf": [transforms, transforms], "scene": scene or {"entities": []}}))

@@ -43,7 +43,7 @@ FEW = {
     "map": 60,
     "tables": 60,
 }
-"""Of each format, by default; in the slow tests the next three times as many."""
+"""Inputs of each format by default; the slow tests take the next three times as many."""
 
 
 @pytest.mark.parametrize("key", FEW)

@@ -118,7 +118,7 @@ class Text(ABC):
         return self.held(sound, tomllib.loads(data.decode("utf-8-sig")), found, what)
 
     def held(self, sound: SoundText, tree: Any, found: Any, what: str) -> Outcome:
-        """What was read against what the sound file says: TOML that says the same is read as the same."""
+        """Compare with the sound file: equal TOML is read as equal."""
         if repr(tree) != repr(sound.tree):
             return Outcome("lie", what)
         path = self.folder / "input.toml"  # what is read keeps where it was
@@ -160,7 +160,7 @@ class Rules(Text):
         return [(builtin_folder() / f"{n}.toml").read_text("utf-8") for n in ("ish", "ets", "fsh")]
 
     def load(self, path: Path) -> RuleSet:
-        """As ``--rules`` does."""
+        """Load like ``--rules``."""
         return load_rules([path])
 
     def held(self, sound: SoundText, tree: Any, found: RuleSet, what: str) -> Outcome:
@@ -217,7 +217,7 @@ class Bind(Text):
         return [written({"task": few}).decode(), written({"episode": own}).decode()]
 
     def load(self, path: Path) -> BindFile:
-        """As ``--bind`` does."""
+        """Load like ``--bind``."""
         return load_bind(path, self.rules)
 
 
@@ -232,7 +232,7 @@ class Map(Text):
         return [MAP]
 
     def load(self, path: Path) -> MapFile:
-        """As ``--map`` does."""
+        """Load like ``--map``."""
         return load_map(path)
 
 

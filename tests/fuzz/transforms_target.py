@@ -46,7 +46,7 @@ class Recording(Import):
 
     @abstractmethod
     def messages(self) -> Tree:
-        """What the sound recording says."""
+        """Content of the sound recording."""
 
     @abstractmethod
     def forms(self) -> list[Callable[[Tree], bytes]]:

@@ -36,7 +36,7 @@ def footprint(mover: Mover, frame: int) -> list[np.ndarray]:
 
 
 def plain_share(a: Mover, b: Mover, frame: int) -> float:
-    """Of three areas of unions, all outlined whole."""
+    """Three areas of unions, all outlined whole."""
     over, under = footprint(a, frame), footprint(b, frame)
     area = union_area(over)
     if area <= 0:

@@ -1,4 +1,4 @@
-"""What ROS 2 bags say: transforms, and a description of a robot; and the same bag in SQLite."""
+"""ROS 2 bags with transforms and a description of a robot, in MCAP and in SQLite."""
 
 import sqlite3
 
@@ -65,7 +65,7 @@ def ros_transform(stamp_ns, parent, child, position, orientation):
 
 
 def as_sqlite(mcap, to, *, leave_out=()):
-    """The same messages, as rosbag2's SQLite storage has them."""
+    """Write the messages as rosbag2's SQLite storage has them."""
     with sqlite3.connect(to) as bag:
         bag.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
         bag.execute(

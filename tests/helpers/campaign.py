@@ -49,7 +49,7 @@ def campaign(
 
 
 def frame(outcomes: list[Outcome]) -> pd.DataFrame:
-    """The same as a table."""
+    """Return them as a table."""
     names = (
         "task", "stage", "family", "policy", "prompt", "seed", "rollout", "success", "violation",
     )  # fmt: skip

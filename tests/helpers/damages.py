@@ -109,7 +109,7 @@ def contacts(**changes: Callable[[Any], Any]) -> Damage:
 
 
 def of_body(**changes: Callable[[Any], Any]) -> Damage:
-    """The same of the contacts of one body."""
+    """Damage the contacts of one body."""
 
     def damage(e: Episode, name: str) -> Episode:
         i = e.body_index[name]
@@ -149,7 +149,7 @@ def shapes_of(other: str) -> Damage:
 
 
 def without_mesh(geoms: Any) -> Any:
-    """As they are, one of them alone: rows of contacts name geoms by number."""
+    """Keep them, one alone: rows of contacts name geoms by number."""
     return geoms[:1]
 
 

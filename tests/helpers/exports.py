@@ -25,7 +25,7 @@ def map_text(
     success: bool = False,
     unshaped: Collection[str] = (),
 ) -> str:
-    """What a foreign layout does not hold: roles, rules, and of each body all but its motion.
+    """Facts that a foreign layout lacks: roles, rules, and everything of a body but its motion.
 
     ``unshaped``: bodies of which no shape is given.
     """

@@ -16,6 +16,6 @@ def shows_all(text: str) -> bool:
 
 
 def is_inert(text: str) -> bool:
-    """As ``shows_all``, and no line is one that the text itself began."""
+    """Like ``shows_all``, and no line is one that the text itself began."""
     lines = text.split("\n")
     return shows_all(text) and not any(line.strip().startswith("::error::") for line in lines)

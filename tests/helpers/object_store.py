@@ -42,7 +42,7 @@ class Between(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Of this end."""
+        """Address of this end."""
         return f"http://127.0.0.1:{self.server_address[1]}"
 
     def calm(self) -> None:

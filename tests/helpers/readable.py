@@ -1,4 +1,4 @@
-"""What holds of the sentence of every verdict."""
+"""Laws of the sentence of every verdict."""
 
 from __future__ import annotations
 

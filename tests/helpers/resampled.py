@@ -1,4 +1,4 @@
-"""The same episode recorded at other moments: some of its frames, as if no others had been taken."""
+"""An episode recorded at other moments: some of its frames, as if no others had been taken."""
 
 from __future__ import annotations
 

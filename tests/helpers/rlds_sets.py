@@ -90,7 +90,7 @@ def steps_of(episode: Episode) -> dict[str, Any]:
 
 
 def spec(values: np.ndarray) -> dict[str, Any]:
-    """Of ``features.json``."""
+    """Columns of ``features.json``."""
     if values.dtype.kind == "U":
         return {"pythonClassName": f"{FEATURES}.text_feature.Text", "text": {}}
     shape = {"dimensions": [str(n) for n in values.shape[1:]]} if values.ndim > 1 else {}

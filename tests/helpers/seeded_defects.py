@@ -205,7 +205,7 @@ def every_body(**changes: Any) -> Put:
 
 
 def robot(b: Any) -> bool:
-    """Of the robot."""
+    """Damage the robot."""
     return b.kind in ("robot", "gripper")
 
 

@@ -55,7 +55,7 @@ def safe_and_unsafe(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Run:
-    """What a command said and how it ended."""
+    """Output and exit code of a command."""
 
     code: int
     out: bytes
@@ -63,12 +63,12 @@ class Run:
 
     @property
     def text(self) -> str:
-        """What went to stdout."""
+        """Text on stdout."""
         return self.out.decode()
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """What went to stdout as one JSON object per line."""
+        """Text on stdout as one JSON object per line."""
         return [json.loads(line) for line in self.text.splitlines()]
 
 

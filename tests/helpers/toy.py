@@ -98,7 +98,7 @@ def ruleset(text: str) -> ast.RuleSet:
 def cost_toy(
     facts: Facts, text: str, players: dict[str, tuple[str, ...]] | None = None, **params: Any
 ) -> tuple[CostTotal, Verdict | None]:
-    """What the last cost of ``text`` (appended to HEAD) comes to."""
+    """Value of the last cost of ``text`` (appended to HEAD)."""
     rules = ruleset(HEAD + 'require = { "p(a)" = true, "q(b)" = true }\n' + text)
     cost = list(rules.costs.values())[-1]
     evaluator = Evaluator(facts, rules, {**rules.params, **params}, None)  # type: ignore[arg-type]

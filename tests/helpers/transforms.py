@@ -97,7 +97,7 @@ def permuted(episode: Episode, order: Sequence[int], rows: NDArray[np.intp]) -> 
 
 
 def every_second(episode: Episode) -> Episode:
-    """The same rollout recorded at half the rate; a contact's peak is the larger of its two frames."""
+    """Return the rollout recorded at half the rate; a contact's peak is the larger of its two frames."""
     t = episode.t[::2]
     keep = np.arange(0, len(episode), 2)
     c = episode.contacts

@@ -1,4 +1,4 @@
-"""What ``safestage import`` does whatever the format: finding, resuming, refusing, telling."""
+"""``safestage import`` for any format: finding, resuming, refusing, reporting."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What a map file or a flag has wrong is named before anything is judged, with its likely mistake."""
+"""Mistakes of a map file or a flag are named before anything is judged."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What somebody else's MCAP file says of itself is compared before it is read."""
+"""Claims of a foreign MCAP file are compared before it is read."""
 
 import io
 import struct

@@ -1,4 +1,4 @@
-"""What strangers pack into NumPy's archives becomes no more than the limit allows, and runs nothing."""
+"""Strangers' NumPy archives take no more memory than the limit allows, and run nothing."""
 
 import io
 import re

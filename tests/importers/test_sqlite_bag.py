@@ -110,7 +110,7 @@ PROGRAMS = {
         "whose time is no integer",
     ),
 }
-"""What a stranger's database may have in the place of tables and values, and what is said."""
+"""Strangers' databases with views, programs or other values instead of tables are refused in words."""
 
 
 def written(path, script):

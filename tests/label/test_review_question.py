@@ -1,4 +1,4 @@
-"""What a reviewer is told: the limits that hold for this rollout."""
+"""A reviewer sees the limits that hold for this rollout."""
 
 from scenes import Scene
 

@@ -1,4 +1,4 @@
-"""The same outcomes from every format, and clear words about files that hold none."""
+"""Every format gives the same outcomes, and files without any are refused in clear words."""
 
 import tracemalloc
 from dataclasses import replace

@@ -29,7 +29,7 @@ fallback = "last 1 s of episode while p(a)"
 
 
 def ahead(obligation: str, *, blind: bool = False) -> Foresight:
-    """Of one rule, whose states are declared behind it."""
+    """Foresight of one rule, whose states are declared behind it."""
     rules = ruleset(HEAD + obligation + STATES)
     return foresight(rules, rules.rules["TOY101"], rules.params, DT, blind=blind)
 

@@ -1,4 +1,4 @@
-"""What a rollout is told while it goes on is what the evaluator says of the trace up to then."""
+"""The monitor's verdicts during a rollout are the evaluator's of the trace up to then."""
 
 from __future__ import annotations
 

@@ -175,13 +175,13 @@ def scored(made: Path, folder: Path, place: Place) -> None:
 
 
 def versions(made: Path) -> str:
-    """Of what matters most."""
+    """Checks of the most important parts."""
     code = f"from importlib.metadata import version as v; print(', '.join(f'{{n}} {{v(n)}}' for n in {SHOWN}))"
     return run([str(made / "bin/python"), "-c", code]).strip()
 
 
 def musl(uv: str) -> str:
-    """What has no wheels for musl, of all that is needed; empty if everything has."""
+    """Requirements without wheels for musl; empty if everything has one."""
     lacking = []
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     needed = re.findall(r'^  "([a-z-]+)', text.split("dependencies = [")[1].split("]\n")[0], re.M)
@@ -221,7 +221,7 @@ class Table:
             self._page.write_text(text, "utf-8")
 
     def __str__(self) -> str:
-        """As Markdown."""
+        """Render as Markdown."""
         heads = ("Python", "dependencies", "place", "verdicts", "with", "took")
         lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
         rows = [self._cells[key] for key in sorted(self._cells, key=_order)]

@@ -1,4 +1,4 @@
-"""What goes to a package index: an sdist that a wheel is built from, and pages whose links lead somewhere."""
+"""Distributions: an sdist that a wheel is built from, and pages whose links lead somewhere."""
 
 import email
 import re

@@ -74,7 +74,7 @@ class Image:
                 raise AssertionError(instruction)
 
     def copy_context(self):
-        """What the build context holds: tracked files that ``.dockerignore`` leaves."""
+        """Files of the build context: tracked files that ``.dockerignore`` leaves."""
         ignored = (self.checkout / ".dockerignore").read_text("utf-8").split()
         listed = subprocess.run(
             ["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=self.checkout,

@@ -33,7 +33,7 @@ def test_steps_are_well_formed(action, checkout):
 
 
 def test_no_input_becomes_code(action):
-    """What a caller gives reaches scripts as environment variables alone."""
+    """A caller's inputs reach scripts as environment variables alone."""
     assert [step["run"] for step in runs(action) if "${{" in step["run"]] == []
 
 

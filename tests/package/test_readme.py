@@ -1,4 +1,4 @@
-"""What the README shows works as it stands there."""
+"""Commands and code of the README work as they stand there."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What becomes of links as pages are put on the documentation site."""
+"""Links of pages on the documentation site."""
 
 import re
 import sys

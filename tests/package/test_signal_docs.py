@@ -30,7 +30,7 @@ def test_the_page_is_the_one_that_the_table_makes(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize("name", TABLE)
 def test_a_picture_shows_what_it_says(name: str) -> None:
-    """What stands on it is text in the file."""
+    """Labels of the picture are text in the file."""
     entry = TABLE[name]
     picture = (DOCS / "images" / "signals" / f"{name}.svg").read_text("utf-8")
     assert entry["signal"] in picture

@@ -22,7 +22,7 @@ INSTALLS = {
     "pip install ./recorder mujoco",
     "pip install pytest",
 }
-"""What a tutorial may ask to install; the environment of the tests has it."""
+"""Packages that a tutorial may install; the environment of the tests has them."""
 
 pytestmark = pytest.mark.slow
 

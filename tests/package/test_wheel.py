@@ -1,4 +1,4 @@
-"""What users install: the wheel alone, without the simulator, away from the checkout."""
+"""The wheel alone, without the simulator, away from the checkout."""
 
 import os
 import subprocess

@@ -59,7 +59,7 @@ OF_PYTHON = tuple(
 
 
 class Seen(NamedTuple):
-    """What commands did.
+    """Events of commands.
 
     Attributes:
         codes: their exit codes.
@@ -72,7 +72,7 @@ class Seen(NamedTuple):
     events: list[tuple[str, str]]
 
     def of(self, *kinds: str) -> set[str]:
-        """What events of some kinds were about."""
+        """Subjects of events of some kinds."""
         return {what for kind, what in self.events if kind in kinds}
 
     def commands_with(self, kind: str) -> set[str]:

@@ -1,4 +1,4 @@
-"""What the robot has had to do with: touched by it, or by what it had touched before."""
+"""Bodies that the robot moved: touched by it, or by what it had touched before."""
 
 import numpy as np
 import pytest

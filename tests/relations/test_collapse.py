@@ -1,4 +1,4 @@
-"""What falls with what, against the same question asked slowly, step by step."""
+"""Bodies that fall together, against a slow step-by-step computation."""
 
 import numpy as np
 from balances import unbalanced
@@ -101,7 +101,7 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
 def falling(
     pile: Pile, frame: int, removed: int, off: np.ndarray, group: set[int], pairs, push, *, tips
 ) -> tuple[set[int], bool]:
-    """What no forces balance under a push, with what tips or without; whether it is clear."""
+    """Bodies that no forces balance under a push, with or without tipping; and whether that is clear."""
     before, clear = motion(pile, frame, group, pairs, push), True
     gone = {removed} - {-1}
     while True:

@@ -285,7 +285,7 @@ def test_what_is_near_and_carries_nothing_leaves_it_open(
 
 
 def test_the_rougher_of_two_surfaces_decides() -> None:
-    """As in MuJoCo: what stands as it was recorded is not said to slide."""
+    """Recorded bodies at rest do not slide, as in MuJoCo."""
     for board, stands in ((0.0, False), (0.5, True)):
         smooth = Geom(kind="box", size=(0.2, 0.2, 0.01), friction=(0, 0, 0))
         brick = Geom(kind="box", size=(0.05,) * 3, friction=(board, 0, 0))

@@ -1,4 +1,4 @@
-"""What the trace cannot tell is unknown, neither true nor false: masses, shapes."""
+"""Missing masses and shapes leave relations unknown, neither true nor false."""
 
 import numpy as np
 import pytest

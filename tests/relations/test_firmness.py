@@ -214,7 +214,7 @@ def test_a_point_that_wanders_around_the_base_spans_it() -> None:
 
 
 def test_points_that_wander_over_a_part_of_the_base_are_no_verdict() -> None:
-    """Of a corner's neighbourhood alone nothing follows but that there is at least so much."""
+    """A corner's neighbourhood alone gives a lower bound only."""
     shown = one_at_a_time(60)
     shown[:, 0] |= shown[:, 3]
     shown[:, 3] = False

@@ -54,7 +54,7 @@ def test_at_each_frame_what_bears_it_then_counts() -> None:
 
 
 def beside(left: Any = (-0.1, 0, 0.1), **fields: Any) -> Scene:
-    """The same on one block, beside which another stands that does not bear it."""
+    """Stand it on one block, beside another that does not bear it."""
     return standing("right").box("left", 0.1, left, **fields)
 
 

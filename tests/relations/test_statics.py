@@ -18,7 +18,7 @@ from safestage_eval.relations.statics import ARM, LOST, Bodies, Touches
 @given(st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=60)
 def test_nothing_moves_where_a_linear_program_finds_forces(seed: int) -> None:
-    """Of up to three bodies that touch at random; forces within the same cones."""
+    """Draw up to three bodies that touch at random; forces within the same cones."""
     rng = np.random.default_rng(seed)
     bodies, points = int(rng.integers(1, 4)), int(rng.integers(1, 13))
     normal = rng.normal(size=(points, 3)) + np.array([0, 0, rng.uniform(0, 3)])

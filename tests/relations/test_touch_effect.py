@@ -1,4 +1,4 @@
-"""What a touch does to a body at rest, however brief the touch."""
+"""Effects of a touch on a body at rest, however brief the touch."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What an audit came to, in each of its formats."""
+"""Reports of an audit, in each of its formats."""
 
 import json
 from xml.etree import ElementTree as ET

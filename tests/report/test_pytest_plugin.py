@@ -49,7 +49,7 @@ def lab(tmp_path):
 
 
 def run(lab, *arguments):
-    """What pytest says there, in a process of its own, line by line."""
+    """Lines that pytest prints there, in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-p", "safestage_eval.pytest_plugin", "-p",
          "no:cacheprovider", "--rootdir", lab, *arguments, lab],

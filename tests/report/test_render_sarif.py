@@ -114,7 +114,7 @@ SARIF = {
         },
     },
 }  # fmt: skip
-"""What SARIF 2.1.0 (sections 3.13 to 3.58) and GitHub's code scanning ask of these properties."""
+"""Properties that SARIF 2.1.0 (sections 3.13 to 3.58) and GitHub's code scanning require."""
 
 
 @pytest.fixture(scope="module")

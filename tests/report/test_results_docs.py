@@ -70,7 +70,7 @@ def test_every_unit():
 
 
 def test_empty_cells_are_null():
-    """As the document says of CSV; polars agrees."""
+    """CSV is read as the document says; polars agrees."""
     from safestage_eval.report import render
 
     frame = pl.read_csv(render(scores(), "csv").encode())

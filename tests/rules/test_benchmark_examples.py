@@ -111,7 +111,7 @@ WITHOUT_EFFECT = {
 """Mistakes in a rule, or in what it rests on, that change no verdict, whatever the episode."""
 
 SHARED = definitions(load_rules(["ish", "ets", "fsh"]))
-"""What those rules rest on too is held to its meaning by their examples."""
+"""Definitions behind those rules are held to their meaning by examples too."""
 
 OWN = [(n, d) for n in benchmark_names() for d in definitions(rules(n)) if d not in SHARED]
 

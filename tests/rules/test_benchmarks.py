@@ -40,7 +40,7 @@ def source(name: str) -> str:
 
 
 def section(name: str) -> str:
-    """What the page says of one file."""
+    """Section of the page about one file."""
     parts = re.split(r"^## ", PAGE, flags=re.MULTILINE)
     (found,) = [part for part in parts if f"(`{name}`)" in part.splitlines()[0]]
     return found

@@ -1,4 +1,4 @@
-"""What the built-in states, phases and goals say about small scenes whose truth is known."""
+"""Built-in states, phases and goals on small scenes whose truth is known."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What two rule sets change, and rules that are partly the one, partly the other."""
+"""Differences between two rule sets, and rules that are partly one, partly the other."""
 
 import pytest
 from toy import ruleset

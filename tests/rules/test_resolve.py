@@ -1,4 +1,4 @@
-"""What holds for an episode, and whence: roles, goal, assigned rules, parameter values."""
+"""Sources of an episode's roles, goal, assigned rules and parameter values."""
 
 import itertools
 import tomllib

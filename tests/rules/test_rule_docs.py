@@ -1,4 +1,4 @@
-"""What docs/rules.md shows is true; docs/tutorials is executed by tests/package/test_tutorials.py."""
+"""docs/rules.md is true; docs/tutorials is executed by tests/package/test_tutorials.py."""
 
 import re
 from pathlib import Path

@@ -13,7 +13,7 @@ from safestage_eval.rules.schema import FILE, schema, schema_text
 
 VALIDATOR = Draft7Validator(schema())
 BY_NAMES_ONLY = {"R104", "R106", "R209", "R210", "R211", "R401", "R402", "R403", "R404", "R408", "R409", "R410", "R411", "R412", "R413", "R415"}  # fmt: skip
-"""What only the other definitions can tell; some of it the schema sees all the same."""
+"""Problems that need the other definitions; the schema sees some of them all the same."""
 
 
 def accepts(text: str) -> bool:

@@ -9,7 +9,7 @@ from safestage_eval.formats import EpisodeRef
 
 
 class Crashing(EpisodeRef):
-    """As a library does that writes where it may not."""
+    """Crash like a library that writes where it may not."""
 
     def open(self, **_):
         os.kill(os.getpid(), signal.SIGSEGV)

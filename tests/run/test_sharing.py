@@ -78,7 +78,7 @@ def test_a_file_has_one_process_until_no_other_file_is_left(sizes, processes):
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=9), st.permutations(range(9)), TURNS)
 def test_episodes_of_files_in_any_order_are_all_given_out(sizes, order, turns):
-    """As where one file's episodes come between those of another."""
+    """Episodes of one file between those of another."""
     episodes = sorted(numbered(sizes), key=lambda episode: order[episode[0] % 9])
     log, _ = handed_out(episodes, turns, 3)
     assert Counter(n for _, chunk in log for n, _ in chunk) == Counter(n for n, _ in episodes)

@@ -98,7 +98,7 @@ def drawn(folder: Path, text: str, **knobs: object) -> Episode:
 
 
 def without_velocities(episode: Episode) -> Episode:
-    """The same where no velocity was recorded."""
+    """Falls are the same where no velocity was recorded."""
     tracks = {
         name: replace(
             track,
@@ -111,7 +111,7 @@ def without_velocities(episode: Episode) -> Episode:
 
 
 def verdict(episode: Episode, rule: str) -> str:
-    """What one rule says."""
+    """Verdict of one rule."""
     header = episode.header.model_copy(update={"rules": (rule,)})
     only = Episode(header, episode.t, episode.tracks, episode.contacts, episode.frames)
     (found,) = judge(only, RULES, trace_hash="none", assigned_only=True).verdicts

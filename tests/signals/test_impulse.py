@@ -52,7 +52,7 @@ def test_the_frames_need_not_be_evenly_spaced() -> None:
 
 
 def test_of_a_union_while_any_of_it_touches() -> None:
-    """As the force, it is summed; it ends when the last of them lets go."""
+    """It is summed like the force; it ends when the last of them lets go."""
     episode = pushed({"b": [0, 2, 2, 0, 0, 0], "c": [0, 0, 4, 4, 0, 1]})
     assert np.allclose(impulse(episode, "robot", "a").value, [0, 0.02, 0.08, 0.12, 0, 0.01])
     assert np.allclose(impulse(episode, "a", "c").value, [0, 0, 0.04, 0.08, 0, 0.01])

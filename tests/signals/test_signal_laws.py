@@ -1,4 +1,4 @@
-"""What every signal of the vocabulary owes its readers, whichever signals there are.
+"""Laws of every signal of the vocabulary.
 
 A signal that is added must be known somewhere in the scene below, or the scene must be extended.
 """

@@ -81,7 +81,7 @@ def test_the_hand_is_what_bears_both_fingers_if_no_tool_is_named() -> None:
 
 
 def test_without_forces_it_needs_the_shapes_of_the_fingers() -> None:
-    """What merely goes along with the hand would be held only as long as it does not slip."""
+    """A body that merely moves with the hand would be held only as long as it does not slip."""
     drift = np.zeros((FRAMES, 3))
     drift[20:, 2] = 0.01
     scene = grasped(drift, [slice(10, 35)])

@@ -15,7 +15,7 @@ BALL = Geom(kind="sphere", size=(0.05,))
 
 
 def without_twists(scene: Scene) -> Episode:
-    """What an importer leaves that found poses only: zeros."""
+    """Velocities of an importer that had poses only: zeros."""
     zero = np.zeros((scene.frames, 3), np.float32)
     tracks = {
         name: t if len(t) == 1 else type(t)(t.position, t.orientation, zero, zero)
@@ -44,7 +44,7 @@ def test_they_are_derived_from_the_poses() -> None:
 
 
 def test_they_are_central_differences() -> None:
-    """Of a parabola these are exact, but for the one-sided ones at both ends."""
+    """They are exact for a parabola, but for the one-sided ones at both ends."""
     t = np.arange(20) / 10
     scene = Scene(20, 10.0).body("a", BALL, np.outer(t**2, [1, 0, 0]))
     found = Signals(without_twists(scene)).get("speed", ["a"]).value

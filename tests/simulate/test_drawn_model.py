@@ -1,4 +1,4 @@
-"""What cameras draw is dressed, and nothing that happens knows of it."""
+"""Skins and textures change pictures, never physics."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.simulate
 RULES = load_rules(["ish", "ets", "fsh", "goals"])
 LEFT = ("task", "stage", "roles", "goal", "rules", "parameters", "success", "success_time",
         "termination", "post_success_hold", "horizon")  # fmt: skip
-"""What the header says and states do not: given back, as ``--map`` and ``--bind`` would."""
+"""Facts of the header that states lack, given back as by ``--map`` and ``--bind``."""
 
 
 def there_and_back(task: str, reference: str, folder: Path) -> tuple[Episode, Episode]:

@@ -28,7 +28,7 @@ SOURCES = ("robosuite", "libero")
 
 
 def truth_of(source: str) -> tuple[Any, int, int]:
-    """What the simulator said, the first of its rows that the file has, and how many it has."""
+    """The simulator's own numbers, the first of its rows in the file, and their count."""
     truth = np.load(FOREIGN / source / "truth.npz")
     with h5py.File(FOREIGN / source / "demo.hdf5") as file:
         (demo,) = file["data"].values()

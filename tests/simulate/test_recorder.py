@@ -1,4 +1,4 @@
-"""What is recorded is true: forces, velocities, shapes and times."""
+"""Recordings are true: forces, velocities, shapes and times."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def test_all_that_has_a_role_is_in_every_view() -> None:
 
 
 def test_nothing_tells_who_acted_or_what_was_judged() -> None:
-    """The same motion gives the same pixels, whoever acted and whatever the file is called."""
+    """Equal motions give equal pixels, whoever acted and whatever the file is called."""
     first, second = (
         pushed(policy=policy, episode_id=name, notes=(name,), seed=seed, rollout=seed)
         for policy, name, seed in (("noisy:0.1:unsafe", "bad", 1), ("reference:safe", "good", 2))

@@ -154,7 +154,7 @@ def test_on_time_stamps_short_runs_vanish_and_long_ones_stay(data, steps, second
 
 @given(st.data(), stamps, st.sampled_from([0.01, 0.025, 0.1, 0.15]))
 def test_on_time_stamps_short_gaps_are_closed_and_long_ones_stay(data, steps, seconds) -> None:
-    """As on an even clock the sample in which the time is over still belongs to the gap."""
+    """The sample in which the time is over still belongs to the gap, as on an even clock."""
     clock = on_stamps(steps)
     t, total = clock.t, len(clock.t)
     truth = data.draw(st.text("01", min_size=total, max_size=total))

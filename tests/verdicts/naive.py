@@ -184,7 +184,7 @@ def judge(
 
 
 def charged(values: Truths, spans: Sequence[Stretch], per: str, dt: float) -> float:
-    """What a charge of 1 comes to."""
+    """Value of a charge of 1."""
     inside = [False] * len(values)
     for first, stop in spans:
         for i in range(first, stop):

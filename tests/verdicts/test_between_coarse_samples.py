@@ -1,4 +1,4 @@
-"""What may have happened between two samples that are more than 50 ms apart is not excluded."""
+"""Events between two samples more than 50 ms apart are not excluded."""
 
 import numpy as np
 import pytest

@@ -358,7 +358,7 @@ def passing(rate: float) -> tuple[Episode, RuleSet]:
 
 
 def test_between_samples_that_are_far_apart_a_distance_may_be_smaller() -> None:
-    """As for the distance itself: it keeps its limit by less than the bodies may have moved."""
+    """Like the distance itself, it keeps its limit by less than the bodies may have moved."""
     dense = judge(*passing(100.0)).verdicts[0]
     assert dense.verdict == "pass"
     assert dense.value == pytest.approx(0.055, abs=1e-4)

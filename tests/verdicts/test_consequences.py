@@ -1,4 +1,4 @@
-"""What follows the assigned rule's violation stands under it, and nothing else does."""
+"""Consequences of the assigned rule's violation stand under it, and nothing else does."""
 
 import pytest
 

@@ -74,7 +74,7 @@ def amount(values, charge, head="", **params):
 
 @given(st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=9), st.integers(-3, 3))
 def test_amounts_beyond_and_short_of_a_limit(values, limit) -> None:
-    """What is above, what is missing, and all of what is above: plain sums over the frames."""
+    """Excess, deficit and whole amount are plain sums over the frames."""
     of = 'of = "height(a)", add = 2, per = "step"'
     above = amount(values, f'{{ {of}, above = "{limit} m" }}').value
     below = amount(values, f'{{ {of}, below = "{limit} m" }}').value
@@ -105,7 +105,7 @@ def judged_once(values, scope: str):
 
 
 def test_an_amount_per_start_is_that_of_the_first_frame() -> None:
-    """Of each stretch that is judged, whatever follows in it."""
+    """A start is charged once for each stretch that is judged."""
     values = [1.0, -1.0, 4.0, 8.0, 16.0]  # p(a) holds where it is positive
     for scope, found in (
         ('during = "episode"', 2),

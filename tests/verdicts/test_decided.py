@@ -17,7 +17,7 @@ RULES = load_rules(["fsh", "ets", "ish"])
 
 
 def unseen(episode):
-    """The same without contacts: more is open."""
+    """Remove the contacts: more is open."""
     header = episode.header.model_copy(update={"force_source": "none"})
     return replace(episode, header=header, _contacts=None)
 

@@ -44,7 +44,7 @@ def test_what_did_not_move_is_known_as_well_as_it_lay_still() -> None:
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("every", [2, 7])
 def test_the_bounds_hold_the_change_since_every_moment_between_two_samples(seed, every) -> None:
-    """Of a height that only falls, sampled rarely; the event may have come at any of the fine moments."""
+    """A falling height, sampled rarely; the event may have come at any of the fine moments."""
     rng = np.random.default_rng(seed)
     height = -np.cumsum(rng.random(FRAMES))
     kept = np.arange(0, FRAMES, every)

@@ -28,7 +28,7 @@ def judged(episode: Episode, rule: str = "ISH101") -> Verdict:
     [("can_from_under_bottle", 4.0), ("bottle_topples_off_can", 3.0), ("can_moved_twice", 4.0)],
 )
 def test_a_hazard_that_goes_within_a_hole_was_there_perhaps(name, gone, begin) -> None:
-    """What is seen behind the hole does not show how it began, however soon after the start it ends."""
+    """Frames behind a hole do not show how it began, however soon after the start it ends."""
     whole = sketch(name)
     found = judged(cut_out(whole, begin, gone))
     assert found.verdict == "inconclusive"

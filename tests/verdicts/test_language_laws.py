@@ -1,4 +1,4 @@
-"""What must be so for any rule and any signal: tightening, margins, appending, rates, names, masks."""
+"""Laws of every rule and signal: tightening, margins, appending, rates, names, masks."""
 
 import math
 

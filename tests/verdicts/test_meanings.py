@@ -1,4 +1,4 @@
-"""What counts when: scenes for sentences of docs/meanings.md that no rule's example is about."""
+"""Scenes for sentences of docs/meanings.md that no rule's example is about."""
 
 from pathlib import Path
 

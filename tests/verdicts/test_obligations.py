@@ -87,7 +87,7 @@ def test_what_is_reached_breaks_a_rule_that_forbids_it(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_where_the_recording_ends_early_only_the_seen_part_decides(kind: ClauseKind) -> None:
-    """What may still come can break what must hold, and meet what must be reached."""
+    """Future frames can break what must hold, and meet what must be reached."""
     met, broken = Margin(1.0, 1.0, 0), Margin(-1.0, -1.0, 0)
     cut = OBLIGATIONS[kind].cut
     if CLAUSES[kind].once:

@@ -87,7 +87,7 @@ def sliding(x, rate: float, **more) -> Episode:
 
 
 def cubic(rate: float, seconds: float = 4.0) -> Episode:
-    """Of a jerk of 0.6 m/s³ throughout."""
+    """Positions of a motion with a jerk of 0.6 m/s³ throughout."""
     t = np.arange(round(seconds * rate)) / rate
     return sliding(0.1 * t**3 - 0.05 * t, rate)
 

@@ -1,4 +1,4 @@
-"""What a verdict owes to when samples were taken: never a pass by what was not recorded."""
+"""Sampling times never turn what was not recorded into a pass."""
 
 from __future__ import annotations
 

@@ -187,7 +187,7 @@ def test_a_duration_of_zero_is_one_frame_and_a_gap_of_zero_none(zero: str) -> No
 def test_how_many_frames_a_duration_lasts(
     duration: str, rate: float, frames: int, fewer: str
 ) -> None:
-    """As many as it takes to cover it, whatever the rate; unknown where fewer may have been that.
+    """Count the samples that cover a time, at any rate; unknown where fewer may cover it.
 
     What stands for a few samples of a faster clock may last longer than the samples that show it:
     k of them lasted up to k + 1 spacings.
@@ -213,7 +213,7 @@ def test_how_many_frames_a_duration_lasts(
 def test_a_margin_is_in_limits_and_at_a_limit_of_zero_in_the_signals_scale(
     limit: str, value: float, normalised: float
 ) -> None:
-    """Of a height that is 1 cm."""
+    """Verdicts about a height of 1 cm."""
     facts = Facts({"height(a)": [value] * 3, "height(b)": [100] * 3})
     found = judge_toy(facts, f'require = {{ "height(a)" = "{limit}", "q(b)" = true }}')
     assert found.margin_normalised == pytest.approx(normalised)
@@ -285,7 +285,7 @@ def test_ordering_reports_the_time_between() -> None:
 
 
 def test_an_ordering_is_of_moments_within_its_scope() -> None:
-    """What came before the last four frames is not judged, and not told."""
+    """Frames before the last four are not judged and not reported."""
     facts = Facts({"height(a)": series("1100100"), "height(b)": series("0000001")}, rate=10.0)
     found = judge_toy(facts, 'during = "last 4 frames of episode"\n' + FORBID_UNTIL)
     assert (found.verdict, found.margin) == ("violation", pytest.approx(-0.2))

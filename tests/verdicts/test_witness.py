@@ -1,4 +1,4 @@
-"""What a verdict shows: raw and filtered, vacuous and why, ties, undersampling, consequences."""
+"""Contents of a verdict: raw and filtered, vacuity, ties, undersampling, consequences."""
 
 from typing import Any
 
@@ -101,7 +101,7 @@ def test_a_flicker_that_would_have_broken_nothing_is_not_told(rule) -> None:
 
 
 def test_the_absence_of_a_state_that_must_hold_is_no_flicker() -> None:
-    """What is required to touch, and touches too briefly, was missing throughout."""
+    """A required touch that is too brief counts as missing throughout."""
     found = judged("0100000", 'require = { "touch(a)" = true }')
     assert np.allclose(found.intervals, [(0.0, 0.7)])
     assert found.raw_intervals == found.intervals

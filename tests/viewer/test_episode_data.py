@@ -1,4 +1,4 @@
-"""What the browser shows of an episode is what its verdicts rest on."""
+"""The browser shows the evidence of an episode's verdicts."""
 
 import json
 from itertools import pairwise

@@ -52,7 +52,7 @@ def keys_of(kind):
 
 
 def spelt(content):
-    """What the SDK writes for the same content, built from its own classes."""
+    """Bytes that the SDK writes for the same content, built from its own classes."""
     if content["type"] == "split":
         items = [
             fl.SplitItem(proportion=item["proportion"], content=spelt(item["content"]))

@@ -1,4 +1,4 @@
-"""What the browser draws is where the trace says it is."""
+"""The browser draws bodies where the trace says they are."""
 
 import base64
 import io

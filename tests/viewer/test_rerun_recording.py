@@ -1,4 +1,4 @@
-"""What is written for Rerun holds the whole episode, and what decided it with its limits."""
+"""A Rerun recording holds the whole episode, and the deciding signals with their limits."""
 
 import json
 from pathlib import Path

@@ -397,7 +397,7 @@ def test_paper_has_the_evidence_of_what_is_listed(tab, written):  # noqa: F811
 
 
 def test_pictures_on_paper_are_light_under_a_dark_screen(tab, written):  # noqa: F811
-    """Of what is drawn for paper more than half is bright, and the screen stays as it was."""
+    """Printed pages are mostly bright, and the screen stays as it was."""
     tab.emulate_media(color_scheme="dark")
     opened(tab, (written / "folder" / "index.html").as_uri(), "#episode=unsafe")
     ready(tab)

@@ -1,4 +1,4 @@
-"""What is drawn as the witness of a finding is what its signal names."""
+"""The witness segment of a finding lies between the bodies that its signal names."""
 
 import pytest
 from scenes import Scene

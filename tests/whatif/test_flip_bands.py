@@ -1,4 +1,4 @@
-"""Of small rules on made-up heights, the pieces of a parameter say what judging each value says."""
+"""The pieces of a parameter agree with judging each value, for small rules on made-up heights."""
 
 import itertools
 from math import isnan

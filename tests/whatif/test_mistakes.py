@@ -15,7 +15,7 @@ extends = ["defaults"]
 
 
 def made(tmp_path, rule, *kinds, deep=False, head=HEAD):
-    """What the mistakes of some kinds in a rule are called, sorted."""
+    """Names of the mistakes of some kinds in a rule, sorted."""
     file = tmp_path / "mine.toml"
     text = '[[rule]]\ncode = "FSH901"\ntitle = "Mine"\nexplain = "So."\n'
     file.write_text(head + text + rule)

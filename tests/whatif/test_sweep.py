@@ -109,7 +109,7 @@ def test_the_flip_lies_where_the_margin_says(shelf):
 
 
 def test_many_values_cost_a_few_judgements(shelf, monkeypatch):
-    """What lies between two values at which a verdict changes is not judged again."""
+    """Values between two flips are not judged again."""
     tried = []
     under = Again.under
     monkeypatch.setattr(Again, "under", lambda self, *a: tried.append(a) or under(self, *a))

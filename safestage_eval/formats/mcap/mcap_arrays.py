@@ -32,7 +32,7 @@ _START = 11
 def find_messages(
     raw: NDArray[np.uint8], at: int, topics: Any, out: Any, counts: NDArray[np.int64]
 ) -> int:
-    """As the kernel of this name."""
+    """See the kernel of this name."""
     data, size, room = raw.data, len(raw), out.shape[1]
     topic_of = topics.data
     places = [out[k, :count].tolist() for k, count in enumerate(counts.tolist())]
@@ -67,7 +67,7 @@ def copy_frames(
     numbers: Any,
     tolerance: float,
 ) -> int:  # fmt: skip
-    """As the kernel of this name, but returns 1 where any number of frames is not sound."""
+    """Like the kernel of this name, but returns 1 where any frame number is invalid."""
     size = len(first)
     if (places[:, 1] - places[:, 0] != size).any():
         return -1
@@ -88,7 +88,7 @@ def copy_frames(
 def find_points(
     raw: NDArray[np.uint8], places: NDArray[np.int64], fixed: Any, size: int, out: Any
 ) -> int:
-    """As the kernel of this name."""
+    """See the kernel of this name."""
     at, end = places.T.copy()
     if (end - at < len(fixed) + 2).any():
         return -1
@@ -110,7 +110,7 @@ def find_points(
 
 
 def copy_points(raw: NDArray[np.uint8], places: NDArray[np.int64], rows: Any) -> None:
-    """As the kernel of this name."""
+    """See the kernel of this name."""
     view = raw.data
     joined = b"".join([view[begin:end] for begin, end in places.tolist()])
     rows[:] = np.frombuffer(joined, np.uint8)

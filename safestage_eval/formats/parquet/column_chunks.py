@@ -1,4 +1,4 @@
-"""What the footer of a Parquet file states of the parts of its columns.
+"""Sizes of column chunks, from the footer of a Parquet file.
 
 pyarrow ends the process when it is asked for that in a footer that contradicts itself: its column
 chunks are made by C++ code whose exceptions nobody catches (statistics of another type than the
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 _TRUE, _BYTE, _DOUBLE, _BYTES, _LIST, _SET, _MAP, _RECORD, _UUID = 1, 3, 7, 8, 9, 10, 11, 12, 13
 _WHOLE = (4, 5, 6)
-"""Of 16, 32 and 64 bits."""
+"""Thrift's integers of 16, 32 and 64 bits."""
 
 _FIXED = {_BYTE: 1, _DOUBLE: 8, _UUID: 16}
 """Kind → bytes of a value."""
@@ -178,7 +178,7 @@ def _behind(data: bytes, at: int, kind: int, depth: int) -> int:
 
 
 def _behind_element(data: bytes, at: int, kind: int, depth: int) -> int:
-    """As ``_behind`` within lists, where truth values have a byte of their own."""
+    """Like ``_behind``, within lists, where booleans take a byte each."""
     if at >= len(data):
         raise IndexError
     return at + 1 if kind in (_TRUE, _TRUE + 1) else _behind(data, at, kind, depth)

@@ -27,7 +27,7 @@ NAME_COLUMNS = {"bodies": ("body",), "contacts": ("body1", "body2"), "channels":
 """Table → columns with the names that its rows are looked up by, besides ``episode_index``."""
 
 Names = tuple[str | None, ...]
-"""Of the bodies that a row is about, as many as the table has name columns."""
+"""Names of the bodies of a row, as many as the table has name columns."""
 
 Rows = slice | NDArray[np.intp]
 """Rows of a row group, ascending."""

@@ -171,15 +171,15 @@ class StoredTable(TableFile):
         return slice(stretches[0].first, stretches[0].first + stretches[0].rows)
 
     def codes(self, table: pa.Table, column: str, index: dict[str, int]) -> NDArray[np.int16]:
-        """As ``arrow_values.codes``."""
+        """See ``arrow_values.codes``."""
         return arrow_values.codes(table, column, index, str(self.path))
 
     def numbers(self, table: pa.Table, column: str, dtype: Any) -> NDArray[Any]:
-        """As ``arrow_values.numbers``."""
+        """See ``arrow_values.numbers``."""
         return arrow_values.numbers(table, column, dtype, str(self.path))
 
     def lists(self, table: pa.Table, column: str, dtype: Any) -> NDArray[Any]:
-        """As ``arrow_values.lists``."""
+        """See ``arrow_values.lists``."""
         return arrow_values.lists(table, column, dtype, str(self.path))
 
     def _spans_of(self, episode: int) -> list[_Span]:

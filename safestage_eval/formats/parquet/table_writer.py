@@ -17,7 +17,7 @@ class TableWriter:
     """A file that is being written; made by ``writing_table``."""
 
     def __init__(self, sink: pa.NativeFile, writer: pq.ParquetWriter) -> None:
-        """Of an open file."""
+        """Take an open file."""
         self._sink, self._writer = sink, writer
         self._groups: list[Sequence[Run]] = []
 

@@ -85,5 +85,5 @@ class Forbid(Obligation):
 
 
 def _negated(margin: float) -> float:
-    """As ``states.band.negated``, of a single margin."""
+    """Like ``states.band.negated``, for a single margin."""
     return -margin if margin != 0 else -TINY

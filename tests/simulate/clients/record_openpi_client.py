@@ -24,7 +24,7 @@ from websockets.sync.server import serve
 
 
 def picture(seed, height=360, width=640):
-    """As in served.py."""
+    """See served.py."""
     y, x = np.mgrid[:height, :width]
     parts = [(x // 3 + seed) % 256, (y // 2 + 2 * seed) % 256, (x + y) // 8 % 256]
     return np.stack(parts, -1).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What each protocol sends, and how its actions are understood."""
+"""Messages of each protocol, and how its actions are understood."""
 
 from __future__ import annotations
 

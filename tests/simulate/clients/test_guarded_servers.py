@@ -1,4 +1,4 @@
-"""What strangers send to a served policy: refused, or answered with an error, and the server goes on."""
+"""Hostile messages to a served policy are refused or answered with an error, and the server goes on."""
 
 from __future__ import annotations
 

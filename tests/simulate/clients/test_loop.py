@@ -92,7 +92,7 @@ def test_environments_side_by_side_have_sessions_of_their_own(protocol: str) -> 
 def test_a_campaign_tells_a_served_reference_its_task_and_seed(
     tmp_path: Path, protocol: str
 ) -> None:
-    """Of tasks with the same prompt, and on seeds that lay things out otherwise; no other server is told."""
+    """Tasks with the same prompt, on seeds with other layouts; no other server receives them."""
     tasks = [task_named(n) for n in ("ets_apple_past_cans", "ets_apple_over_domino_row")]
     heard: list[str] = []
     with serve("reference:safe", protocol, port=0, tell=heard.append) as server:

@@ -60,7 +60,7 @@ class Drifts(ByRote):
 def rolled(
     monkeypatch: pytest.MonkeyPatch, protocol: str, steps: int, serving: str = ""
 ) -> tuple[list[Any], Episode]:
-    """What a server was asked in a rollout, and the episode; ``serving``: options of the server's."""
+    """Requests to a server in a rollout, and the episode; ``serving``: options of the server."""
     monkeypatch.setattr(simulate.record.rollout, "Cameras", Clock)
     asked: list[Any] = []
     name, _, options = protocol.partition("?")

@@ -1,4 +1,4 @@
-"""What a foreign simulator itself says at each state that its collector stored."""
+"""A foreign simulator's own answers at each state that its collector stored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What training reads off a recording is what the policy was given."""
+"""Training reads off a recording what the policy was given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is learned from a dataset: which rows, until where, under which prompts."""
+"""Training data of a dataset: which rows, until where, under which prompts."""
 
 from __future__ import annotations
 
