@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from safestage_eval.errors import InputError
+from simulate.catalogue.surfaces import SURFACES, friction
 
 PREFIX = "robot/"
 JOINTS = tuple(f"{PREFIX}joint{i}" for i in range(1, 8))
@@ -30,7 +31,9 @@ GRIP_FORCE = 10.0
 GRIP_BEYOND = 0.05
 """rad of the driver joint that a closing gripper aims beyond closed: it presses with all its force on
 what is wider than 5 mm, and with half of it at 0. (The model's own servo gives way from 10 mm on.)"""
-PAD_FRICTION = (1.0, 0.02, 0.0001)
+PAD_FRICTION = (SURFACES["rubber"], 0.02, 0.0001)
+"""Sliding (-), torsional and rolling (m) of the pads, 22 mm wide. They have priority: it is theirs on
+whatever they touch."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,8 @@ def arm_spec(
     for geom in spec.geoms:
         if geom.name.endswith(("_pad1", "_pad2")):
             geom.friction, geom.condim = PAD_FRICTION, 6
+        elif geom.contype or geom.conaffinity:
+            geom.friction = friction("metal", 0.0001)
     return spec
 
 

@@ -14,6 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from safestage_eval.episode import Cavity, Quat, Vec3
 from safestage_eval.errors import InputError
 
+from .surfaces import ROLLING, SAME, SURFACES, friction
+
 KINDS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
@@ -63,14 +65,12 @@ class Ring(Strict):
 
 
 class ObjectModel(Strict):
-    """Model of an object: shapes, mass, friction, up axis, cavity."""
+    """Model of an object: shapes, mass, surface, up axis, cavity."""
 
     mass: float = Field(default=0.0, ge=0)
     """kg; a region has none."""
     shapes: tuple[Shape, ...] = ()
     ring: Ring | None = None
-    friction: tuple[float, float, float] = (1.0, 0.02, 0.001)
-    """Sliding, torsional (m), rolling (m)."""
     up: bool = True
     """Whether it has an up axis (+z of its frame); False for objects that may lie any way, like fruit."""
     fixed: bool = False
@@ -78,6 +78,11 @@ class ObjectModel(Strict):
     region: bool = False
     """A room and no thing: nothing can touch it, rules can forbid it. Always fixed."""
     material: str | None = None
+    """Name that rules know it by."""
+    surface: str | None = None
+    """Name in ``SURFACES``, where its outside is of something else than ``material``."""
+    rolling: float = ROLLING
+    """m, rolling friction."""
     tags: tuple[str, ...] = ()
     cavity: Cavity | None = None
     solref: tuple[float, float] = (0.02, 1.0)
@@ -94,7 +99,17 @@ class ObjectModel(Strict):
             raise ValueError("a region does not move: add fixed = true")
         if self.region == (self.mass > 0):
             raise ValueError("a thing has a mass above 0, a region has none")
+        surface = self.surface or self.material
+        if not self.region and SAME.get(surface or "", surface) not in SURFACES:
+            allowed = ", ".join([*SURFACES, *SAME])
+            raise ValueError(f"no friction is known of the surface {surface!r}; of {allowed} it is")
         return self
+
+    @property
+    def friction(self) -> tuple[float, float, float]:
+        """Sliding (-), torsional (m), rolling (m)."""
+        surface = self.surface or self.material or "plastic"
+        return friction(SAME.get(surface, surface), self.rolling)
 
     def parts(self) -> list[Shape]:
         """All primitives, the ring's boxes among them."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from simulate.arm import droid
 from simulate.catalogue.objects import ObjectModel
+from simulate.catalogue.surfaces import friction
 
 FRAME_RATE = 120
 """Hz at which frames are recorded."""
@@ -152,12 +153,12 @@ def scene_spec(
     table = world.add_body(name="table")
     table.add_geom(
         name="table/top", type=mujoco.mjtGeom.mjGEOM_BOX, size=TABLE_HALF, pos=TABLE_CENTRE,
-        friction=[1, 0.02, 0.001], condim=6, rgba=[0.72, 0.6, 0.45, 1],
+        friction=friction("wood"), condim=6, rgba=[0.72, 0.6, 0.45, 1],
     )  # fmt: skip
     floor = world.add_body(name="floor", pos=[0, 0, FLOOR_Z])
     floor.add_geom(
         name="floor/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1],
-        friction=[1, 0.02, 0.001], condim=6, rgba=[0.35, 0.37, 0.4, 1],
+        friction=friction("stone"), condim=6, rgba=[0.35, 0.37, 0.4, 1],
     )  # fmt: skip
     for name, model in objects.items():
         model.add_to(spec, name)
