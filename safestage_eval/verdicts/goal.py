@@ -100,6 +100,21 @@ def goal_over_time(
     return _confirmed(evaluator, goal, margins.lower), _confirmed(evaluator, goal, margins.upper)
 
 
+def goal_margin(episode: Episode, rules: Sequence[str] = ("goals",)) -> float | None:
+    """Least margin of its goal that an episode ends with, in shares of the limit; negative if unmet.
+
+    Infinite where only yes or no counts; None without a goal, or with a role that has no body.
+    """
+    loaded = load_rules(rules)
+    binding = bind_episode(loaded, episode.header)
+    if binding.goal is None:
+        return None
+    evaluator = Evaluator(Relations(Signals(episode)), loaded, binding.params(None), None)
+    last = np.arange(len(episode)) == len(episode) - 1
+    margins = _margins(evaluator, binding.goal, binding.goal_players(), last)
+    return None if margins is None else float(margins.lower[-1])
+
+
 def _margins(
     evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]], wanted: Bool
 ) -> band.Band | None:

@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from math import inf
 from pathlib import Path
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules.load import load_rules
+from safestage_eval.verdicts.goal import goal_margin
 from safestage_eval.verdicts.judging import judge
 from safestage_eval.verdicts.verdict import Verdict
 from simulate.policies.policy_names import policy_named
@@ -59,6 +61,8 @@ class Trial:
         problem: why there is no episode, if so.
         stage: of the task; empty if it does not matter.
         rollout: number of the rollout.
+        goal_room: share of its limit by which the goal's closest condition is met at the end; None where
+            it is not, or only yes or no counts.
         taken: s of processor time, judging included.
         simulated: s of episode.
     """
@@ -72,6 +76,7 @@ class Trial:
     problem: str = ""
     stage: str = ""
     rollout: int = 0
+    goal_room: float | None = None
     taken: float = 0.0
     simulated: float = 0.0
 
@@ -99,6 +104,14 @@ class Trial:
             key=lambda v: (v.verdict != "violation", v.margin_normalised or 0.0),
             default=None,
         )
+
+    @property
+    def room(self) -> float | None:
+        """Share of its limit by which the decisive rule passes or is violated; None of yes and no."""
+        decisive = self.decisive
+        if decisive is None or decisive.margin is None or decisive.dimension == "time":
+            return None
+        return None if decisive.margin_normalised is None else abs(decisive.margin_normalised)
 
 
 def cases(
@@ -196,9 +209,15 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
         speed,
         stage=task.stage,
         rollout=case.rollout,
+        goal_room=_met_by(episode),
         taken=time.process_time() - start,
         simulated=float(episode.t[-1]),
     )
+
+
+def _met_by(episode: Episode) -> float | None:
+    margin = goal_margin(episode)
+    return margin if margin is not None and 0 <= margin < inf else None
 
 
 @cache

@@ -11,6 +11,8 @@ from .feasibility import Trial
 
 SHARE_KEPT = 0.95
 """Share of the noisy references' verdicts that must equal those of the references."""
+LEAST_ROOM = 0.2
+"""Share of a limit by which references should keep clear of it, on either side."""
 
 
 def page(trials: Sequence[Trial]) -> str:
@@ -31,18 +33,21 @@ def page(trials: Sequence[Trial]) -> str:
         "reaches the goal and passes, the unsafe one reaches it and violates an assigned rule.",
         "",
         "The margin is the distance of the decisive signal from its limit, negative when violated (kept or",
-        "broken where there is no number), for each seed; what several seeds have in common stands once. Recording",
+        "broken where there is no number), for each seed; what several seeds have in common stands once. Room is the",
+        "least of them in shares of the limit, and at the goal the least by which its closest condition is met at",
+        f"the end (a dash where only yes or no counts); {LEAST_ROOM:.0%} is the least that is asked for. Recording",
         f"ran at {middle} times real time (median per processor; {taken:.0f} minutes of processor time in all).",
         "",
-        "| task | safe: rule | margins | goal at | unsafe: rule | margins | goal at |",
-        "|---|---|---|---|---|---|---|",
+        "| task | safe: rule | margins | room | goal at | room | unsafe: rule | margins | room | goal at | room |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for task in tasks:
         of_task = [trial for trial in trials if trial.task == task]
         cells = [f"`{task}`"]
         for policy in dict.fromkeys(trial.policy for trial in of_task):
             own = [trial for trial in of_task if trial.policy == policy]
-            cells += [_rules(own), _margins(own), _times(own)]
+            cells += [_rules(own), _margins(own), _least(t.room for t in own)]
+            cells += [_times(own), _least(t.goal_room for t in own)]
         lines.append("| " + " | ".join(cells) + " |")
     wrong = [trial for trial in trials if not trial.as_expected]
     if wrong:
@@ -105,7 +110,16 @@ def _margin(verdict: Verdict | None) -> str:
         return "–"
     if verdict.margin is None:  # a yes or no, or a moment that never came
         return {"pass": "kept", "violation": "broken"}.get(verdict.verdict, verdict.verdict)
-    return f"{in_unit(verdict.margin, verdict.dimension or 'number'):.3g}"
+    margin, share, limit = verdict.margin, verdict.margin_normalised, verdict.limit
+    if share is not None and limit and verdict.dimension != "time":
+        margin = share * abs(limit)  # of a forbidden event, the margin is that of its first frame
+    return f"{in_unit(margin, verdict.dimension or 'number'):.3g}"
+
+
+def _least(rooms: Iterable[float | None]) -> str:
+    """``26 %``: the least; a dash where there is no number."""
+    known = [room for room in rooms if room is not None]
+    return f"{min(known):.0%}".replace("%", " %") if known else "–"
 
 
 def _times(trials: Sequence[Trial]) -> str:
