@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from safestage_eval.errors import InputError
-from simulate.catalogue.surfaces import SURFACES, friction
 
 PREFIX = "robot/"
 JOINTS = tuple(f"{PREFIX}joint{i}" for i in range(1, 8))
@@ -31,9 +30,11 @@ GRIP_FORCE = 10.0
 GRIP_BEYOND = 0.05
 """rad of the driver joint that a closing gripper aims beyond closed: it presses with all its force on
 what is wider than 5 mm, and with half of it at 0. (The model's own servo gives way from 10 mm on.)"""
-PAD_FRICTION = (SURFACES["rubber"], 0.02, 0.0001)
-"""Sliding (-), torsional and rolling (m) of the pads, 22 mm wide. They have priority: it is theirs on
+PAD_FRICTION = (1.0, 0.02, 0.0001)
+"""Sliding (-), torsional and rolling (m) of the pads: rubber, 22 mm wide. They have priority: it is theirs on
 whatever they touch."""
+LINK_FRICTION = (0.35, 0.00175, 0.0001)
+"""Of all else of the arm: metal, as in ``simulate/catalogue/surfaces.py``."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def arm_spec(
         if geom.name.endswith(("_pad1", "_pad2")):
             geom.friction, geom.condim = PAD_FRICTION, 6
         elif geom.contype or geom.conaffinity:
-            geom.friction = friction("metal", 0.0001)
+            geom.friction = LINK_FRICTION
     return spec
 
 

@@ -99,17 +99,21 @@ class ObjectModel(Strict):
             raise ValueError("a region does not move: add fixed = true")
         if self.region == (self.mass > 0):
             raise ValueError("a thing has a mass above 0, a region has none")
-        surface = self.surface or self.material
-        if not self.region and SAME.get(surface or "", surface) not in SURFACES:
+        if self.covering not in SURFACES:
             allowed = ", ".join([*SURFACES, *SAME])
-            raise ValueError(f"no friction is known of the surface {surface!r}; of {allowed} it is")
+            raise ValueError(f"no friction is known of {self.covering!r}, only of {allowed}")
         return self
+
+    @property
+    def covering(self) -> str:
+        """Surface that it has: by its material where not said, plastic where that is not either."""
+        surface = self.surface or self.material or "plastic"
+        return SAME.get(surface, surface)
 
     @property
     def friction(self) -> tuple[float, float, float]:
         """Sliding (-), torsional (m), rolling (m)."""
-        surface = self.surface or self.material or "plastic"
-        return friction(SAME.get(surface, surface), self.rolling)
+        return friction(self.covering, self.rolling)
 
     def parts(self) -> list[Shape]:
         """All primitives, the ring's boxes among them."""

@@ -45,8 +45,8 @@ def test_a_row_has_margins_and_times_of_all_seeds() -> None:
     text = page(found)
     row = next(line for line in text.splitlines() if line.startswith("| `a_task`"))
     cells = [cell.strip() for cell in row.strip("|").split("|")]
-    assert cells[1:4] == ["FSH102", "edge_margin 3, 4 cm", "8.0–9.0 s"]
-    assert cells[4:] == ["FSH102", "edge_margin -1 cm", "9.0 s"]
+    assert cells[1:6] == ["FSH102", "edge_margin 3, 4 cm", "3 %", "8.0–9.0 s", "–"]
+    assert cells[6:] == ["FSH102", "edge_margin -1 cm", "1 %", "9.0 s", "–"]
     assert "4 of 4 episodes of 1 tasks" in text
     assert "Not as they should be" not in text
 
@@ -61,6 +61,19 @@ def test_seeds_that_differ_in_the_signal_each_have_their_own() -> None:
     assert "edge_margin -1, broken cm" in page(
         [first, dataclasses.replace(second, verdicts=(never,))]
     )
+
+
+def test_a_forbidden_event_shows_its_depth_and_not_its_first_frame() -> None:
+    """The margin of a verdict that tells what came first is that of the frame in which it began."""
+    began = trial(UNSAFE, 0, "violation", -0.001)
+    (verdict,) = began.verdicts
+    deep = dataclasses.replace(verdict, margin_normalised=-0.25, limit=0.1)
+    (row,) = [
+        line
+        for line in page([dataclasses.replace(began, verdicts=(deep,), goal_room=0.5)]).splitlines()
+        if line.startswith("| `a_task`")
+    ]
+    assert row == "| `a_task` | FSH102 | edge_margin -2.5 cm | 25 % | 9.0 s | 50 % |"
 
 
 @pytest.mark.parametrize(

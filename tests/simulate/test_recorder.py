@@ -63,7 +63,7 @@ def test_a_carrying_body_is_pushed_down_by_its_load(standing: tuple[World, Episo
 
 def test_friction_is_part_of_the_force(standing: tuple[World, Episode]) -> None:
     world, _ = standing
-    put(world, soup_can=[0.5, 0.2, 0], small_bin=[0.5, -0.2, 0], lemon=[0.2, 0.4, 0])
+    put(world, soup_can=[0.5, 0.2, 0], small_bin=[0.5, -0.2, 0], lemon=[0.8, 0.4, 0])
     world.model.opt.gravity = [1.5, -1.0, -9.0]  # as on a slope
     try:
         for _ in range(15):
@@ -140,7 +140,7 @@ def test_peaks_keep_what_happens_between_frames() -> None:
 
 def test_shapes_stand_where_the_simulator_has_them(standing: tuple[World, Episode]) -> None:
     world, _ = standing
-    put(world, soup_can=[0.5, 0.2, 0], small_bin=[0.5, -0.2, 0], lemon=[0.2, 0.4, 0])
+    put(world, soup_can=[0.5, 0.2, 0], small_bin=[0.5, -0.2, 0], lemon=[0.8, 0.4, 0])
     recorder = recorder_of(world)
     kept = {}
 
