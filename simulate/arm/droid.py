@@ -32,9 +32,7 @@ GRIP_BEYOND = 0.05
 what is wider than 5 mm, and with half of it at 0. (The model's own servo gives way from 10 mm on.)"""
 PAD_FRICTION = (1.0, 0.02, 0.0001)
 """Sliding (-), torsional and rolling (m) of the pads: rubber, 22 mm wide. They have priority: it is theirs on
-whatever they touch."""
-LINK_FRICTION = (0.35, 0.00175, 0.0001)
-"""Of all else of the arm: metal, as in ``simulate/catalogue/surfaces.py``."""
+whatever they touch. The fingers' hulls, which reach around the pads and hold with them, have the model's 1."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +134,6 @@ def arm_spec(
     for geom in spec.geoms:
         if geom.name.endswith(("_pad1", "_pad2")):
             geom.friction, geom.condim = PAD_FRICTION, 6
-        elif geom.contype or geom.conaffinity:
-            geom.friction = LINK_FRICTION
     return spec
 
 

@@ -170,7 +170,7 @@ def test_tilt_tips_the_top_of_what_is_held_and_brings_it_back(
     assert np.degrees(np.arccos(up[2])) == pytest.approx(30, abs=6)  # it slips a little
     assert np.degrees(np.arctan2(up[1], up[0])) == pytest.approx(direction, abs=5)
     play(world, motion, "tilt", angle=-30, direction=direction, facing=facing, pause=0.5)
-    assert np.degrees(np.arccos(state.object_pose("soup_can")[1][2, 2])) < 2
+    assert np.degrees(np.arccos(state.object_pose("soup_can")[1][2, 2])) < 3
 
 
 def test_pick_rolls_the_gripper_about_its_heading(world: World, state: PrivilegedState) -> None:
