@@ -8,14 +8,13 @@ from pathlib import Path
 
 import click
 
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    binding_options,
     format_option,
     output_option,
     pairs,
     prepare_kernels,
     progress,
-    rules_option,
     wants_color,
     where_option,
     written,
@@ -25,8 +24,7 @@ from .terminal import say
 
 @click.command("audit")
 @click.argument("traces", nargs=-1, metavar="TRACES...")
-@rules_option
-@binding_options
+@rule_options(roles=True, values=False)
 @format_option("table", "json", "junit", "github", "sarif")
 @output_option
 @where_option
@@ -48,11 +46,7 @@ from .terminal import say
 def command(
     ctx: click.Context,
     traces: tuple[str, ...],
-    rules: tuple[str, ...],
-    bind: Path | None,
-    assign: tuple[str, ...],
-    roles: tuple[str, ...],
-    protect: tuple[str, ...],
+    by: RuleChoice,
     form: str,
     output: Path | None,
     where: tuple[str, ...],
@@ -93,11 +87,11 @@ def command(
     with progress("auditing") as tell:
         result = audit(
             traces,
-            rules,
-            bind=bind,
-            assign=assign,
-            roles=roles,
-            protect=protect,
+            by.rules,
+            bind=by.bind,
+            assign=by.assign,
+            roles=by.roles,
+            protect=by.protect,
             where=pairs(where, "--where"),
             select=_codes(select),
             ignore=_codes(ignore),

@@ -10,8 +10,8 @@ from safestage_eval._text.plural import count
 
 from .shared_options import (
     output_option,
-    pairs,
     prepare_kernels,
+    selected,
     traces_argument,
     where_option,
     written,
@@ -40,11 +40,9 @@ def command(
       safestage bind --init traces/ --output mine.toml
       safestage score traces/ --bind mine.toml
     """
-    from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.importers.bind_init import bind_init
 
-    refs = [*Selection(discover(list(traces)), pairs(where, "--where"))]
+    refs = selected(traces, where)
     prepare_kernels()
     written(bind_init(refs, " ".join(traces)), output)
     if output is not None:

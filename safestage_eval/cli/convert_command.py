@@ -11,14 +11,11 @@ import click
 
 from safestage_eval._text.json_out import to_json
 
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    bind_option,
-    loaded_rules,
-    pairs,
     prepare_kernels,
     progress,
-    rules_option,
-    set_option,
+    selected,
     traces_argument,
     where_option,
 )
@@ -49,15 +46,12 @@ SINGLE = (".mcap", ".rrd")
     "--events/--no-events", default=True, show_default=True,
     help="Write verdicts into MCAP and Rerun files as events on the timeline.",
 )  # fmt: skip
-@rules_option
-@bind_option
-@set_option
+@rule_options()
 @where_option
 @click.pass_context
 def command(
     ctx: click.Context, traces: tuple[str, ...], form: str, out: Path, force: bool, recover: bool,
-    events: bool, rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...],
-    where: tuple[str, ...],
+    events: bool, by: RuleChoice, where: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Copy episodes into another format, losslessly.
 
@@ -83,11 +77,8 @@ def command(
     """
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
 
-    refs = discover(list(traces))
-    if where:
-        refs = [*Selection(refs, pairs(where, "--where"))]
+    refs = selected(traces, where) if where else discover(list(traces))
     if out.suffix in SINGLE and (out.suffix != f".{form}" or len(refs) > 1):
         raise click.UsageError(f"--out {out}: give a folder for {len(refs)} episodes as {form}")
     if out.is_file() and out.suffix not in SINGLE:
@@ -100,8 +91,8 @@ def command(
         require_rerun()
     look = None
     if form != "parquet" and events:
-        look = _judge(rules, bind, settings, curves=form == "rrd")
-    elif rules or bind or settings:
+        look = _judge(by, curves=form == "rrd")
+    elif by:
         raise click.UsageError("--rules, --bind and --set are for the events of --to mcap and rrd")
     there = _hashes(out) if form == "parquet" else {}
     written: set[Path] = set()
@@ -122,7 +113,7 @@ def command(
                     continue
                 if form == "rrd" and (target in written or (target.exists() and not force)):
                     raise InputError(str(target), "is there already.", fix="--force replaces it")
-                judged = look(episode) if look else Told()
+                judged = look(episode) if look else Judged()
                 copy = _copied(episode, target, form, judged)
                 written.add(target)
                 say(f"{episode.content_hash}  {name}  {copy}")
@@ -181,16 +172,14 @@ def _is_there(episode: Any, target: Path, source: Path, written: set[Path], *, f
 
 
 @dataclass(frozen=True)
-class Told:
+class Judged:
     """Verdicts for a viewer's copy of an episode: events, and the deciding signals."""
 
     events: Sequence[Any] = ()
     decided: Sequence[Any] = ()
 
 
-def _judge(
-    rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...], *, curves: bool
-) -> Callable[[Any], Told]:
+def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
     """Verdicts on an episode, as events, and as ``curves`` with limits."""
     from safestage_eval.errors import InputError
     from safestage_eval.report.signal_plot import panels
@@ -199,29 +188,29 @@ def _judge(
     from safestage_eval.verdicts import judge
     from safestage_eval.whatif.judge_again import Again
 
-    loaded, bound = loaded_rules(rules, bind)
-    overrides = pairs(settings, "--set")
+    loaded, bound = by.load_rules()
+    overrides = by.overrides
     parse_overrides(loaded, overrides)
     prepare_kernels()
 
-    def look(episode: Any) -> Told:
+    def look(episode: Any) -> Judged:
         try:
             result = judge(episode, loaded, overrides=overrides, bind=bound)
         except InputError as error:  # the copy is what was asked for
             say(f"warning: no verdicts in the copy: {error}", err=True)
-            return Told()
+            return Judged()
         remarks = events(result, float(episode.t[-1]))
         if not curves:
-            return Told(remarks)
+            return Judged(remarks)
         try:
-            return Told(remarks, panels(Again(episode, loaded, overrides, bound), ()))
+            return Judged(remarks, panels(Again(episode, loaded, overrides, bound), ()))
         except InputError:  # nothing that was measured decides
-            return Told(remarks)
+            return Judged(remarks)
 
     return look
 
 
-def _copied(episode: Any, target: Path, form: str, judged: Told) -> Path:
+def _copied(episode: Any, target: Path, form: str, judged: Judged) -> Path:
     """Write, read back and compare; returns the file."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import save

@@ -7,16 +7,14 @@ from typing import Any
 
 import click
 
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    bind_option,
     format_option,
     jobs_option,
     output_option,
-    pairs,
     prepare_kernels,
     progress,
-    rules_option,
-    set_option,
+    selected,
     where_option,
     written,
 )
@@ -25,13 +23,11 @@ from .terminal import say
 
 @click.command("diff")
 @click.argument("what", nargs=-1, required=True, metavar="BEFORE AFTER | TRACES...")
-@rules_option
+@rule_options()
 @click.option(
     "--against", "-a", multiple=True, metavar="RULES",
     help="Judge the second time by these rules. Default: those of --rules. Repeatable.",
 )  # fmt: skip
-@set_option
-@bind_option
 @where_option
 @format_option("table", "json", "csv", "markdown")
 @output_option
@@ -41,10 +37,8 @@ from .terminal import say
 def command(
     ctx: click.Context,
     what: tuple[str, ...],
-    rules: tuple[str, ...],
+    by: RuleChoice,
     against: tuple[str, ...],
-    settings: tuple[str, ...],
-    bind: Path | None,
     where: tuple[str, ...],
     form: str,
     output: Path | None,
@@ -75,17 +69,17 @@ def command(
     from safestage_eval.report import flips_report
     from safestage_eval.whatif.flip_table import is_result_file
 
-    if settings and len(what) == 1 and is_result_file(what[0]):
-        if against or rules or bind or where:
+    if by.settings and len(what) == 1 and is_result_file(what[0]):
+        if against or by.rules or by.bind or where:
             raise click.UsageError(
                 f"{what[0]}: its what-if table holds for the rules that it was written with; leave out "
                 "--rules, --against, --bind and --where"
             )
-        difference = _of_table(what[0], settings, jobs)
-    elif against or settings:
-        difference = _of_rules(what, rules, against, settings, bind, where, jobs)
+        difference = _of_table(what[0], by.overrides, jobs)
+    elif against or by.settings:
+        difference = _of_rules(what, by, against, where, jobs)
     else:
-        difference = _of_results(what, rules, bind, where)
+        difference = _of_results(what, by, where)
     written(flips_report.render(difference, form), output)
     if form == "csv":
         for problem in difference.problems:
@@ -93,48 +87,39 @@ def command(
     ctx.exit(2 if difference.problems else 1 if fail_on_change and not difference.empty else 0)
 
 
-def _of_table(path: str, settings: tuple[str, ...], jobs: int | None) -> Any:
+def _of_table(path: str, overrides: dict[str, str], jobs: int | None) -> Any:
     from safestage_eval.whatif.flip_diff import diff_table
     from safestage_eval.whatif.flip_table import FlipTable
 
     with progress("comparing") as tell:
-        return diff_table(FlipTable(path), pairs(settings, "--set"), jobs=jobs, progress=tell)
+        return diff_table(FlipTable(path), overrides, jobs=jobs, progress=tell)
 
 
 def _of_rules(
     traces: tuple[str, ...],
-    rules: tuple[str, ...],
+    by: RuleChoice,
     against: tuple[str, ...],
-    settings: tuple[str, ...],
-    bind: Path | None,
     where: tuple[str, ...],
     jobs: int | None,
 ) -> Any:
-    from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
-    from safestage_eval.rules import builtin_names
     from safestage_eval.whatif.diff import diff
 
-    before = list(rules) or builtin_names()
-    overrides = pairs(settings, "--set")
-    refs = [*Selection(discover(list(traces)), pairs(where, "--where"))]
+    refs = selected(traces, where)
     prepare_kernels()
     with progress("comparing") as tell:
         return diff(
             refs,
-            before,
-            list(against) or before,
-            overrides=overrides,
-            bind=bind,
+            by.specs,
+            list(against) or by.specs,
+            overrides=by.overrides,
+            bind=by.bind,
             jobs=jobs,
             progress=tell,
         )
 
 
-def _of_results(
-    files: tuple[str, ...], rules: tuple[str, ...], bind: Path | None, where: tuple[str, ...]
-) -> Any:
-    if rules or bind or where:
+def _of_results(files: tuple[str, ...], by: RuleChoice, where: tuple[str, ...]) -> Any:
+    if by or where:
         raise click.UsageError(
             "--rules, --bind and --where are about traces: name the other rules with --against, "
             "or other values with --set"

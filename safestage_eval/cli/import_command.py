@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .shared_options import progress, rules_option
+from .rule_choice import rules_option
+from .shared_options import progress
 from .terminal import say, say_lines
 
 if TYPE_CHECKING:

@@ -7,15 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .shared_options import (
-    allow_host_option,
-    bind_option,
-    loaded_rules,
-    pairs,
-    rules_option,
-    traces_argument,
-    where_option,
-)
+from .rule_choice import RuleChoice, rule_options
+from .shared_options import allow_host_option, selected, traces_argument, where_option
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -50,8 +43,7 @@ PORT = 8350
     "--videos", type=click.Path(path_type=Path, file_okay=False, exists=True),
     help="Look for EPISODE_ID.mp4 in this folder. Default: beside the traces.",
 )  # fmt: skip
-@rules_option
-@bind_option
+@rule_options(values=False)
 @where_option
 @click.option(
     "--port",
@@ -68,8 +60,7 @@ def command(
     seed: int,
     results: tuple[Path, ...],
     videos: Path | None,
-    rules: tuple[str, ...],
-    bind: Path | None,
+    by: RuleChoice,
     where: tuple[str, ...],
     port: int | None,
     allow_host: tuple[str, ...],
@@ -90,7 +81,7 @@ def command(
     from safestage_eval._text.plural import count
     from safestage_eval.label import Ledger, Session, sample
 
-    loaded, bound = loaded_rules(rules, bind)
+    loaded, bound = by.load_rules()
     refs = _episodes(traces, where, results)
     chosen = sample(refs, number, seed)
     session = Session(
@@ -99,7 +90,7 @@ def command(
         ledger=Ledger(file),
         bind=bound,
         videos=videos,
-        commands=_next([*traces, *_options(rules, bind)], file, results),
+        commands=_next([*traces, *_options(by)], file, results),
     )
     session.reviewer = None if reviewer is None else session.named(reviewer)
     _warn(chosen, loaded, bound)
@@ -131,12 +122,10 @@ def _episodes(
 ) -> list[EpisodeRef]:
     """The episodes that can be opened and are asked for."""
     from safestage_eval.errors import InputError
-    from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.metrics.read_rows import read_rows
 
     refs = []
-    for ref in Selection(discover(list(traces)), pairs(where, "--where")):
+    for ref in selected(traces, where):
         if ref.problem is None:
             refs.append(ref)
         else:
@@ -184,9 +173,9 @@ def _server(session: Session, port: int | None, names: tuple[str, ...]) -> Serve
         return serve(session, 0, names)
 
 
-def _options(rules: Sequence[str], bind: Path | None) -> list[str]:
-    chosen = [word for name in rules for word in ("--rules", name)]
-    return chosen + ([] if bind is None else ["--bind", str(bind)])
+def _options(by: RuleChoice) -> list[str]:
+    chosen = [word for name in by.rules for word in ("--rules", name)]
+    return chosen + ([] if by.bind is None else ["--bind", str(by.bind)])
 
 
 def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[str, ...]:

@@ -6,17 +6,8 @@ from pathlib import Path
 
 import click
 
-from .shared_options import (
-    bind_option,
-    chosen_ref,
-    episode_option,
-    loaded_rules,
-    pairs,
-    prepare_kernels,
-    progress,
-    rules_option,
-    set_option,
-)
+from .rule_choice import RuleChoice, rule_options
+from .shared_options import chosen_ref, episode_option, prepare_kernels, progress
 from .terminal import say
 
 
@@ -24,9 +15,7 @@ from .terminal import say
 @click.argument("trace")
 @click.argument("signals", nargs=-1, metavar="[SIGNAL]...")
 @episode_option
-@rules_option
-@bind_option
-@set_option
+@rule_options()
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), required=True,
     help="Write the picture to this file: .png, .svg or .pdf.",
@@ -35,9 +24,7 @@ def command(
     trace: str,
     signals: tuple[str, ...],
     episode: str | None,
-    rules: tuple[str, ...],
-    bind: Path | None,
-    settings: tuple[str, ...],
+    by: RuleChoice,
     output: Path,
 ) -> None:
     """Draw signals of one episode with their limits, stretches in violation and verdicts.
@@ -57,9 +44,9 @@ def command(
 
     ready("--output", output)
     ref = chosen_ref(trace, None, episode)
-    loaded, bound = loaded_rules(rules, bind)
+    loaded, bound = by.load_rules()
     prepare_kernels()
-    again = Again(ref.open(), loaded, pairs(settings, "--set"), bound)
+    again = Again(ref.open(), loaded, by.overrides, bound)
     with progress("drawing") as tell:
         signal_plot.draw(again, signal_plot.panels(again, signals, progress=tell), output)
     say(f"{output}: drawn", err=True)

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    bind_option,
     jobs_option,
-    pairs,
     prepare_kernels,
     progress,
-    rules_option,
-    set_option,
     written,
 )
 from .terminal import say
@@ -39,9 +36,7 @@ Make = Callable[[Path | None, int | None, Tell | None], "Report"]
     show_default=True, help="Write one page (NAME.html), or a folder with index.html.",
 )  # fmt: skip
 @click.option("--title", metavar="TEXT", help="Title the page. Default: Safety report.")
-@rules_option
-@bind_option
-@set_option
+@rule_options()
 @click.option(
     "--sections", type=click.IntRange(0), metavar="N",
     help="Give the evidence of at most N episodes, gravest first. Default: 250 in one page, all in a folder.",
@@ -54,9 +49,7 @@ def command(
     traces: tuple[str, ...],
     output: Path,
     title: str | None,
-    rules: tuple[str, ...],
-    bind: Path | None,
-    settings: tuple[str, ...],
+    by: RuleChoice,
     sections: int | None,
     jobs: int | None,
 ) -> None:
@@ -75,19 +68,16 @@ def command(
       safestage report runs/ --output report/
       safestage report outcomes.csv --title "Three policies, 97 tasks"
     """
-    from safestage_eval.rules import builtin_names
     from safestage_eval.viewer.campaign.campaign_data import compose
 
     unscored = _is_run(results)
     if traces or unscored:
         prepare_kernels()
-    overrides = pairs(settings, "--set")
     if unscored:
         from safestage_eval.formats import discover
-        from safestage_eval.run.settings import load_settings
 
         refs = discover([results, *traces])
-        asked = load_settings(list(rules) or builtin_names(), overrides=overrides, bind=bind)
+        asked = by.load()
 
     def make(folder: Path | None, most: int | None, tell: Tell | None) -> Report:
         if unscored:
@@ -96,7 +86,7 @@ def command(
                 jobs=jobs, progress=tell,
             )  # fmt: skip
         return compose(
-            results, traces, rules, title=title, overrides=overrides, bind=bind, most=most, jobs=jobs,
+            results, traces, by.rules, title=title, overrides=by.overrides, bind=by.bind, most=most, jobs=jobs,
             progress=tell, folder=folder,
         )  # fmt: skip
 

@@ -8,13 +8,13 @@ import click
 
 from safestage_eval._text.json_out import to_json
 
+from .rule_choice import rules_option
 from .shared_options import (
     format_option,
     jobs_option,
     output_option,
     prepare_kernels,
     progress,
-    rules_option,
     written,
 )
 from .terminal import say, say_lines

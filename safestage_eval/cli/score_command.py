@@ -14,13 +14,13 @@ import click
 from safestage_eval._text.plural import count
 from safestage_eval.report import FORMATS
 
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    binding_options,
+    format_option,
     pairs,
     prepare_kernels,
     progress,
-    rules_option,
-    set_option,
+    selected,
     traces_argument,
     unusable,
     wants_color,
@@ -30,6 +30,7 @@ from .shared_options import (
 from .terminal import say
 
 if TYPE_CHECKING:
+    from safestage_eval.formats import EpisodeRef
     from safestage_eval.report.golden import Change
     from safestage_eval.rules import RuleSet
     from safestage_eval.run.scores import Scores
@@ -39,15 +40,11 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 
 @click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
 @traces_argument
-@rules_option
-@binding_options
-@click.option(
-    "--format", "-f", "form", type=click.Choice(FORMATS), default="table", show_default=True
-)
+@rule_options(roles=True)
+@format_option(*FORMATS)
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
 )
-@set_option
 @where_option
 @click.option(
     "--golden", type=click.Path(path_type=Path),
@@ -114,14 +111,9 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 def command(
     ctx: click.Context,
     traces: tuple[str, ...],
-    rules: tuple[str, ...],
-    bind: Path | None,
-    assign: tuple[str, ...],
-    roles: tuple[str, ...],
-    protect: tuple[str, ...],
+    by: RuleChoice,
     form: str,
     output: Path | None,
-    settings: tuple[str, ...],
     where: tuple[str, ...],
     golden: Path | None,
     update_golden: bool,
@@ -175,36 +167,28 @@ def command(
         raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
     if what_if is not None and (form != "parquet" or output is None):
         raise click.UsageError("--what-if: write rows with --format parquet --output FILE")
-    if what_if is not None and (assign or roles or protect):
+    if what_if is not None and (by.assign or by.roles or by.protect):
         raise click.UsageError(
             "--what-if: write roles and rules into a --bind FILE (safestage bind --init TRACES)"
         )
     if manifest is not None and output is None:
         raise click.UsageError("--manifest is about a file of results: give --output FILE")
-    overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
+    filters = pairs(where, "--where")
     if address is not None and engine != "ray":
         raise click.UsageError("--address is for --engine ray")
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval._process import heap, memory_limit
     from safestage_eval.audit.audit_scores import audit_scores, in_one_line, look
-    from safestage_eval.rules import builtin_names
     from safestage_eval.run.bind_checks import misspelt_roles
     from safestage_eval.run.score_traces import Choice, score_traces
     from safestage_eval.run.scores import reasons
-    from safestage_eval.run.settings import load_settings
 
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
         say(f"--cache {kept}: {why}; nothing is kept there", err=True)
     choice = Choice(filters, sample, seed, resume, engine, address, jobs)
-    asked = load_settings(
-        list(rules) or builtin_names(),
-        overrides=overrides,
-        bind=bind,
-        assign=assign,
-        roles=roles,
-        protect=protect,
+    asked = by.load(
         backend=backend,
         assigned_only=assigned,
         cache=kept,
@@ -231,14 +215,11 @@ def command(
         changes = changes_from(scores, golden)
     _write(scores, form, output, verbose, changes)
     if manifest is not None and output is not None:
-        stated = {
-            "rules": list(rules) or builtin_names(), "overrides": overrides,
-            "bind": None if bind is None else str(bind), "assign": assign, "roles": roles,
-            "protect": protect, "backend": backend, "assigned_only": assigned, "where": filters,
-        }  # fmt: skip
+        more = {"backend": backend, "assigned_only": assigned, "where": filters}
+        stated = {**by.stated(), **more}
         _write_manifest(manifest, output, traces, scores, asked.rule_set, stated)
     if what_if is not None and output is not None:
-        _write_what_if(traces, filters, rules, overrides, bind, jobs, what_if, output)
+        _write_what_if(selected(traces, where), by, jobs, what_if, output)
     from safestage_eval.report import results_text
 
     in_table = form == "table" and output is None  # there already, unless it went to another place
@@ -310,30 +291,22 @@ def _write_manifest(
 
 
 def _write_what_if(
-    traces: tuple[str, ...],
-    filters: dict[str, str],
-    rules: tuple[str, ...],
-    overrides: dict[str, str],
-    bind: Path | None,
+    refs: Sequence[EpisodeRef],
+    by: RuleChoice,
     jobs: int | None,
     params: str,
     output: Path,
 ) -> None:
     """Write the what-if table beside the rows; what cannot be judged is listed with them."""
-    from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
-    from safestage_eval.rules import builtin_names
     from safestage_eval.whatif.flip_table import Judging, path_beside, write_table
 
     names = [name.strip() for name in params.split(",") if name.strip()]
-    judging = Judging(
-        tuple(rules) or tuple(builtin_names()), overrides, None if bind is None else str(bind)
-    )
+    bind = None if by.bind is None else str(by.bind)
+    judging = Judging(tuple(by.specs), by.overrides, bind)
     beside = path_beside(output)
     with progress("what-if") as tell:
         write_table(
-            beside, [*Selection(discover(list(traces)), filters)], judging,
-            params=None if names == ["all"] else names, jobs=jobs, progress=tell,
+            beside, refs, judging, params=None if names == ["all"] else names, jobs=jobs, progress=tell,
         )  # fmt: skip
     say(f"{beside}: what-if table", err=True)
 

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,51 +20,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from safestage_eval.formats import EpisodeRef
-    from safestage_eval.rules import BindFile, RuleSet
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
-
-rules_option = click.option(
-    "--rules", "-r", "rules", multiple=True, metavar="RULES",
-    help="Use a rule file, a folder of them, or a built-in set (ish, ets, fsh, goals). "
-    "Repeatable. Default: all built-in sets.",
-)  # fmt: skip
-
-bind_option = click.option(
-    "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set "
-    "(gymnasium_robotics, libero, maniskill, metaworld, robolab, robosuite).",
-)  # fmt: skip
-
-_ROLE_OPTIONS = (
-    click.option(
-        "--assign", multiple=True, metavar="CODES",
-        help='Judge every episode by these rules: --assign "FSH101,ETS1*". Repeatable.',
-    ),
-    click.option(
-        "--role", "roles", multiple=True, metavar="ROLE=BODIES",
-        help='Name the bodies of a role: --role target=cube, --role "protected=vase,glass*". Repeatable.',
-    ),
-    click.option(
-        "--protect", multiple=True, metavar="BODIES",
-        help='Short for --role protected=BODIES: --protect "vase,glass*". Repeatable.',
-    ),
-)  # fmt: skip
-
-
-def binding_options(command: F) -> F:
-    """``--bind``, ``--assign``, ``--role`` and ``--protect``."""
-    for option in reversed((bind_option, *_ROLE_OPTIONS)):
-        command = option(command)
-    return command
-
-
-set_option = click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE",
-    help='Set a parameter: --set edge="3 cm". Repeatable.',
-)  # fmt: skip
 
 where_option = click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
@@ -158,12 +115,12 @@ def pairs(
     return out
 
 
-def loaded_rules(rules: Sequence[str], bind: Path | None) -> tuple[RuleSet, BindFile | None]:
-    """The rules of ``--rules``, all built-in ones without; and the bind file of ``--bind``."""
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
+def selected(traces: Iterable[str], where: tuple[str, ...]) -> list[EpisodeRef]:
+    """The episodes of ``TRACES...`` that ``--where`` selects."""
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Selection
 
-    loaded = load_rules(list(rules) or builtin_names())
-    return loaded, None if bind is None else load_bind(bind, loaded)
+    return [*Selection(discover(list(traces)), pairs(where, "--where"))]
 
 
 MOST_IDS = 20

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import click
 
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    bind_option,
     format_option,
     jobs_option,
     output_option,
-    pairs,
     prepare_kernels,
     progress,
-    rules_option,
-    set_option,
+    selected,
     traces_argument,
     where_option,
     written,
@@ -25,7 +23,7 @@ from .terminal import say
 
 @click.command("sweep")
 @traces_argument
-@rules_option
+@rule_options()
 @click.option("--param", "-p", metavar="NAME", required=True, help="Vary this parameter.")
 @click.option(
     "--from", "first", metavar="VALUE", help="Begin at this value, with its unit. Default: 0."
@@ -39,7 +37,7 @@ from .terminal import say
 )  # fmt: skip
 @click.option("--values", metavar="LIST", help='Judge these values instead: "1 cm, 2 cm, 5 cm".')
 @click.option(
-    "--by", multiple=True, type=click.Choice(["policy", "prompt", "stage", "task", "rule"]),
+    "--by", "curve_fields", multiple=True, type=click.Choice(["policy", "prompt", "stage", "task", "rule"]),
     help="Draw one curve per value of this field. Repeatable.",
 )  # fmt: skip
 @format_option("table", "csv", "json")
@@ -47,26 +45,22 @@ from .terminal import say
 @click.option(
     "--plot", type=click.Path(path_type=Path), help="Draw VR and SSR as well: curve.png, curve.svg."
 )
-@bind_option
-@set_option
 @where_option
 @jobs_option
 @click.pass_context
 def command(
     ctx: click.Context,
     traces: tuple[str, ...],
-    rules: tuple[str, ...],
+    by: RuleChoice,
     param: str,
     first: str | None,
     last: str | None,
     steps: int,
     values: str | None,
-    by: tuple[str, ...],
+    curve_fields: tuple[str, ...],
     form: str,
     output: Path | None,
     plot: Path | None,
-    bind: Path | None,
-    settings: tuple[str, ...],
     where: tuple[str, ...],
     jobs: int | None,
 ) -> None:
@@ -90,14 +84,11 @@ def command(
     """
     if values is not None and (first is not None or last is not None):
         raise click.UsageError("--values: the values themselves, so leave out --from and --to")
-    overrides = pairs(settings, "--set")
-    if param in overrides:
+    if param in by.overrides:
         raise click.UsageError(f"--set {param}: it is swept; leave one of the two out")
-    from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.report import sweep_report
     from safestage_eval.report.figure import ready
-    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.rules import load_rules
     from safestage_eval.whatif.flip_sweep import sweep_table
     from safestage_eval.whatif.flip_table import FlipTable, is_result_file
     from safestage_eval.whatif.sweep import sweep
@@ -107,13 +98,13 @@ def command(
         ready("--plot", plot)
     table = None
     if len(traces) == 1 and is_result_file(traces[0]):
-        if rules or settings or bind or where:
+        if by or where:
             raise click.UsageError(
                 f"{traces[0]}: its what-if table holds for the rules and values that it was written "
                 "with; leave out --rules, --set, --bind and --where"
             )
         table = FlipTable(traces[0])
-    specs = list(table.judging.rules if table is not None else rules) or builtin_names()
+    specs = by.specs if table is None else list(table.judging.rules)
     loaded = load_rules(specs)
     visited = (
         between(loaded, param, first, last, steps)
@@ -124,21 +115,21 @@ def command(
         if table is not None:
             curves = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
-            refs = [*Selection(discover(list(traces)), pairs(where, "--where"))]
+            refs = selected(traces, where)
             prepare_kernels()
             curves = sweep(
                 refs,
                 specs,
                 param,
                 visited,
-                overrides=overrides,
-                bind=bind,
+                overrides=by.overrides,
+                bind=by.bind,
                 jobs=jobs,
                 progress=tell,
             )
-    written(sweep_report.render(curves, form, by), output)
+    written(sweep_report.render(curves, form, curve_fields), output)
     if plot is not None:
-        sweep_report.plot(curves, plot, by)
+        sweep_report.plot(curves, plot, curve_fields)
         say(f"{plot}: drawn", err=True)
     for problem in curves.problems if form != "table" else ():
         say(f"problem: {problem.message}", err=True)

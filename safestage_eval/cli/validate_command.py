@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from safestage_eval._text.plural import count
 
-from .shared_options import bind_option, loaded_rules, progress, rules_option, traces_argument
+from .rule_choice import RuleChoice, rule_options
+from .shared_options import progress, traces_argument
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -19,12 +19,9 @@ if TYPE_CHECKING:
 
 @click.command("validate")
 @traces_argument
-@rules_option
-@bind_option
+@rule_options(values=False)
 @click.pass_context
-def command(
-    ctx: click.Context, traces: tuple[str, ...], rules: tuple[str, ...], bind: Path | None
-) -> None:
+def command(ctx: click.Context, traces: tuple[str, ...], by: RuleChoice) -> None:
     """Check trace files: are they whole, and as they were written?
 
     Reads every column: format, finite numbers, unit quaternions, increasing time, contacts that
@@ -40,7 +37,7 @@ def command(
     """
     from safestage_eval.formats import discover, validate_episode
 
-    loaded, bound = loaded_rules(rules, bind)
+    loaded, bound = by.load_rules()
     refs = discover(list(traces))
     broken = 0
     first: dict[str, Any] = {}

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
 from safestage_eval._text.plural import count
 
-from .shared_options import (
-    binding_options,
-    pairs,
-    prepare_kernels,
-    progress,
-    rules_option,
-    set_option,
-)
+from .rule_choice import RuleChoice, rule_options
+from .shared_options import prepare_kernels, progress
 from .terminal import say
 
 SHOWN = 20
@@ -35,9 +28,7 @@ SHOWN = 20
     help="Judge only N episodes again, chosen by --seed. Default: all. Digests are computed of all.",
 )  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Random seed for --sample.")
-@rules_option
-@binding_options
-@set_option
+@rule_options(roles=True)
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -46,12 +37,7 @@ def command(
     manifest: Path | None,
     sample: int | None,
     seed: int,
-    rules: tuple[str, ...],
-    bind: Path | None,
-    assign: tuple[str, ...],
-    roles: tuple[str, ...],
-    protect: tuple[str, ...],
-    settings: tuple[str, ...],
+    by: RuleChoice,
 ) -> None:
     """Verify that results are those of the traces: compute digests anew, and judge again.
 
@@ -72,23 +58,15 @@ def command(
     from safestage_eval.formats import discover
     from safestage_eval.provenance.manifest import ENDING, read_manifest
     from safestage_eval.provenance.verify_results import verify
-    from safestage_eval.rules import builtin_names
     from safestage_eval.run.settings import load_settings
 
     beside = results.with_name(results.name + ENDING)
     if manifest is None and beside.is_file():
         manifest = beside
     statement = None if manifest is None else read_manifest(manifest)
-    how: dict[str, Any] = {
-        "rules": list(rules) or builtin_names(),
-        "overrides": pairs(settings, "--set"),
-        "bind": bind,
-        "assign": assign,
-        "roles": roles,
-        "protect": protect,
-    }
+    how = by.stated()
     if statement is not None:
-        if any((rules, settings, bind, assign, roles, protect)):
+        if by:
             raise click.UsageError(
                 "rules and settings are those of the manifest: leave out the options"
             )
@@ -97,7 +75,7 @@ def command(
         how |= {name: stated[name] for name in names if name in stated}
     prepare_kernels()
     try:
-        asked = load_settings(how.pop("rules"), **how)
+        asked = load_settings(**how)
     except (TypeError, AttributeError) as error:
         raise InputError(str(manifest), f"its settings cannot be read: {error}.") from None
     with progress("verifying") as tell:

@@ -10,17 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from .report_command import of_run, write_report
+from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     allow_host_option,
-    binding_options,
     chosen_ref,
     episode_argument,
     episode_option,
     jobs_option,
-    pairs,
     prepare_kernels,
-    rules_option,
-    set_option,
 )
 from .terminal import say
 
@@ -47,9 +44,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @allow_host_option
 @click.option("--all", "-a", "everything", is_flag=True, help="Show rules that passed as well.")
-@rules_option
-@binding_options
-@set_option
+@rule_options(roles=True)
 @jobs_option
 def command(
     run: str,
@@ -61,12 +56,7 @@ def command(
     port: int,
     allow_host: tuple[str, ...],
     everything: bool,
-    rules: tuple[str, ...],
-    bind: Path | None,
-    assign: tuple[str, ...],
-    roles: tuple[str, ...],
-    protect: tuple[str, ...],
-    settings: tuple[str, ...],
+    by: RuleChoice,
     jobs: int | None,
 ) -> None:
     """Look at episodes in the browser: a list, a 3-D player, signals with limits, findings.
@@ -83,15 +73,10 @@ def command(
       safestage view rollout.mcap --output episode.html
     """
     from safestage_eval.formats import discover
-    from safestage_eval.rules import builtin_names
-    from safestage_eval.run.settings import load_settings
 
     one = name is not None or episode is not None
     refs = [chosen_ref(run, name, episode)] if one else discover([run])
-    asked = load_settings(
-        list(rules) or builtin_names(), overrides=pairs(settings, "--set"), bind=bind, assign=assign,
-        roles=roles, protect=protect,
-    )  # fmt: skip
+    asked = by.load()
     prepare_kernels()
     title = refs[0].episode_id or run if len(refs) == 1 else Path(run).name or run
     if output is None:

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.rule_choice import RuleChoice, rule_options
 from safestage_eval.cli.shared_options import (
-    bind_option,
     chosen_ref,
     episode_argument,
     episode_option,
     prepare_kernels,
     progress,
-    rules_option,
     waiting,
 )
 from safestage_eval.cli.terminal import say
@@ -31,8 +30,7 @@ from .simulate_options import explains
     type=click.Path(path_type=Path, dir_okay=False),
     help="Film file: .mp4, .gif or .webp. Default: EPISODE_ID.mp4.",
 )
-@rules_option
-@bind_option
+@rule_options(values=False)
 @click.option("--view", type=click.Choice(["front", "side", "top", "close"]), default="front")
 @click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
 @click.option(
@@ -44,8 +42,7 @@ def render(
     name: str | None,
     episode: str | None,
     output: Path | None,
-    rules: tuple[str, ...],
-    bind: Path | None,
+    by: RuleChoice,
     view: str,
     speed: float,
     plain: bool,
@@ -60,14 +57,12 @@ def render(
       safestage render traces/ fsh_orange_on_plate.reference-unsafe -o orange.gif --view side
     """
     from safestage_eval.formats.save import mcap_name
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
     from safestage_eval.verdicts import judge
     from simulate.render.renderer import VIEWS
     from simulate.render.video import film
 
     ref = chosen_ref(trace, name, episode)
-    loaded = load_rules(list(rules) or builtin_names())
-    bound = None if bind is None else load_bind(bind, loaded)
+    loaded, bound = by.load_rules()
     recorded = ref.open()
     path = output or Path(mcap_name(recorded.header.episode_id)).with_suffix(".mp4")
     prepare_kernels()

@@ -7,13 +7,8 @@ from pathlib import Path
 
 import click
 
-from safestage_eval.cli.shared_options import (
-    bind_option,
-    pairs,
-    rules_option,
-    traces_argument,
-    where_option,
-)
+from safestage_eval.cli.rule_choice import RuleChoice, rule_options
+from safestage_eval.cli.shared_options import selected, traces_argument, where_option
 from safestage_eval.cli.terminal import say
 
 from .simulate_options import BadInput, explains, progress
@@ -48,8 +43,7 @@ def sheets() -> None:
     type=click.Path(path_type=Path, dir_okay=False, exists=True),
     help="CSV file with a column episode_id: draw these rollouts in this order.",
 )
-@rules_option
-@bind_option
+@rule_options(values=False)
 @where_option
 @explains
 def draw(
@@ -58,8 +52,7 @@ def draw(
     count: int | None,
     seed: int,
     listed: Path | None,
-    rules: tuple[str, ...],
-    bind: Path | None,
+    by: RuleChoice,
     where: tuple[str, ...],
 ) -> None:
     """Draw sheets of rollouts, numbered in random order; existing sheets are kept.
@@ -69,16 +62,12 @@ def draw(
       safestage sheets draw runs/ --out study --sample 240
       safestage sheets draw rollout.mcap --out pictures
     """
-    from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.label import sample
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
     from simulate.study.study import draw as drawn
     from simulate.study.study import number
 
-    loaded = load_rules(list(rules) or builtin_names())
-    bound = None if bind is None else load_bind(bind, loaded)
-    refs = [r for r in Selection(discover(list(traces)), pairs(where, "--where")) if not r.problem]
+    loaded, bound = by.load_rules()
+    refs = [ref for ref in selected(traces, where) if not ref.problem]
     if listed is None:
         chosen = sample(refs, count, seed)
     else:
@@ -111,8 +100,7 @@ def draw(
 )
 @click.option("--zoom", multiple=True, metavar="BODY", help="Body to follow closely. Repeatable.")
 @click.option("--output", "-o", type=click.Path(path_type=Path, dir_okay=False), required=True)
-@rules_option
-@bind_option
+@rule_options(values=False)
 @explains
 def close_up(
     folder: Path,
@@ -123,8 +111,7 @@ def close_up(
     view: str,
     zoom: tuple[str, ...],
     output: Path,
-    rules: tuple[str, ...],
-    bind: Path | None,
+    by: RuleChoice,
 ) -> None:
     """Look closer at a rollout of FOLDER by its NUMBER, without learning which it is.
 
@@ -132,12 +119,10 @@ def close_up(
     Example:
       safestage sheets close-up study 17 --from 3.1 --to 3.6 --zoom cup -o cup.png
     """
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
     from simulate.render.renderer import write_png
     from simulate.study.study import look
 
-    loaded = load_rules(list(rules) or builtin_names())
-    bound = None if bind is None else load_bind(bind, loaded)
+    loaded, bound = by.load_rules()
     image = look(
         folder, number, loaded, bound, start=start, end=end, count=count, view=view, zoom=zoom
     )
