@@ -23,3 +23,10 @@ def from_json(text: str | bytes) -> Any:
         return json.loads(text)
     except RecursionError:
         raise json.JSONDecodeError("nested too deep", "", 0) from None
+
+
+def get_inside(table: Any, *keys: str) -> Any:
+    """Return the value below nested tables; None where one of them is missing or no table."""
+    for key in keys:
+        table = table.get(key) if isinstance(table, dict) else None
+    return table

@@ -164,15 +164,7 @@ def _exchanged(episode: Episode, names: Collection[str]) -> Episode:
 
 def _shapes(by: float) -> Mend:
     def change(body: Body) -> Body:
-        geoms = tuple(
-            geom.model_copy(
-                update={
-                    "size": tuple(by * s for s in geom.size),
-                    "position": tuple(by * p for p in geom.position),
-                }
-            )
-            for geom in body.geoms
-        )
+        geoms = tuple(geom.scaled(by) for geom in body.geoms)
         return body.model_copy(update={"geoms": geoms})
 
     return lambda episode, names: bodies(episode, names, change)

@@ -63,6 +63,13 @@ class Geom(Record):
     mesh: str | None = None
     """Key into ``Episode.meshes`` (the mesh's content hash) for ``convex_mesh`` and ``mesh``."""
 
+    def scaled(self, by: float) -> Geom:
+        """Return the shape with its size and its place ``by`` times as large; a mesh stays as it is."""
+        larger = {"size": self.size, "position": self.position}
+        return self.model_copy(
+            update={name: tuple(by * x for x in values) for name, values in larger.items()}
+        )
+
 
 class Cavity(Record):
     """The room inside a container. Its frame's +z axis points out of the opening; the rim is its top."""

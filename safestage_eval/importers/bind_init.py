@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 from safestage_eval._text.plural import count as plural
 from safestage_eval._text.printable import printable
@@ -12,12 +10,13 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import EpisodeRef
 
-from .guess_roles import Guess, guess_bodies, guess_roles, stated_roles
+from .guess_roles import guess_bodies, guess_roles, stated_roles
+from .toml_lines import guess_line, toml_key, toml_value
 
 MOST = 10
 """Episodes of a task that are looked at."""
 
-_COMMENT = 30
+COLUMN = 30
 """Characters of a line before its comment."""
 
 
@@ -64,14 +63,14 @@ def bind_init(refs: Iterable[EpisodeRef], name: str = "TRACES") -> str:
 
 def _task(task: str | None, episodes: Sequence[Episode], count: int) -> Iterator[str]:
     if task is not None:
-        yield from _roles(f"task.{_key(task)}", episodes, plural(count, "episode"))
+        yield from _roles(f"task.{toml_key(task)}", episodes, plural(count, "episode"))
         return
     scenes = {tuple(body.name for body in episode.header.bodies) for episode in episodes}
     if len(scenes) == 1:
         yield from _roles("every", episodes, plural(count, "episode") + " without a task")
         return
     for episode in episodes:
-        yield from _roles(f"episode.{_key(episode.header.episode_id)}", [episode], "no task")
+        yield from _roles(f"episode.{toml_key(episode.header.episode_id)}", [episode], "no task")
 
 
 def _roles(table: str, episodes: Sequence[Episode], comment: str) -> Iterator[str]:
@@ -81,9 +80,9 @@ def _roles(table: str, episodes: Sequence[Episode], comment: str) -> Iterator[st
     yield ""
     yield f"[{table}.roles]  # {comment}" if guesses else f"# [{table}.roles]  # {comment}"
     for role, players in stated.items():
-        yield f"# {_key(role)} = {_value([*players])}  # in the headers"
+        yield f"# {toml_key(role)} = {toml_value([*players])}  # in the headers"
     for role, guess in guesses.items():
-        yield _line(role, guess)
+        yield guess_line(toml_key(role), guess, COLUMN)
     if not guesses:
         yield "# nothing to guess" if stated else '# target = "…"  # no guess: nothing moved'
     if rules:
@@ -93,29 +92,6 @@ def _roles(table: str, episodes: Sequence[Episode], comment: str) -> Iterator[st
 def _bodies(episodes: Sequence[Episode]) -> Iterator[str]:
     for name, guesses in guess_bodies(episodes).items():
         yield ""
-        yield f"[body.{_key(name)}]"
+        yield f"[body.{toml_key(name)}]"
         for key, guess in guesses.items():
-            yield _line(key, guess)
-
-
-def _line(key: str, guess: Guess) -> str:
-    said = f"{_key(key)} = {_value(guess.value)}"
-    return f"{said:<{_COMMENT}}  # {guess.confidence}: {printable(guess.reason)}"
-
-
-def _key(name: str) -> str:
-    return (
-        name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else _text(name)
-    )
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    return _text(value) if isinstance(value, str) else json.dumps(value)
-
-
-def _text(text: str) -> str:
-    """A TOML string."""
-    plain = json.dumps(text, ensure_ascii=False)
-    return "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in plain)
+            yield guess_line(toml_key(key), guess, COLUMN)

@@ -14,35 +14,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import (
-    Body,
-    Episode,
-    Geom,
-    Header,
-    Joint,
-    Mesh,
-    RobotFrames,
-    Source,
-    Track,
-    still_track,
-)
+from safestage_eval.episode import Body, Episode, Geom, Joint, RobotFrames, Source, still_track
 from safestage_eval.errors import InputError
 
 from .account import Account
-from .foreign_motion import fixed_if_still, make_track
-from .gaps import Gaps
+from .foreign_motion import make_track
 from .importer import Importer, Settings, SourceError
-from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .missing_data import say_links, say_success
 from .npz_arrays import npy_array, npz_arrays
-from .place_robot import place_robot
 from .robot_file import robot_from_urdf
 from .robot_model import scaled
-from .scene_bodies import apply_map, fixed_from_map
+from .scene_builder import SceneBuilder, robot_frames
 
 F64 = NDArray[np.float64]
 
@@ -115,27 +101,19 @@ class Calvin(Importer):
         frames = [self._frame(i) for i in range(first, last + 1)]
         scene_obs = np.stack([frame["scene_obs"] for frame in frames])
         robot_obs = np.stack([frame["robot_obs"] for frame in frames])
-        gaps = Gaps(str(self.path), self.settings.noted)
-        scene = gaps.ask(self._scene, "D")
-        bodies: list[Body] = []
-        tracks: dict[str, Track] = {}
-        meshes: dict[str, Mesh] = {}
-        self._blocks(scene, scene_obs, bodies, tracks, meshes, account)
-        gaps.ask(lambda: self._table(scene, scene_obs, bodies, tracks, meshes, account), None)
-        gaps.refuse()
-        robot, joints = self._robot(robot_obs, frames, bodies, tracks, meshes, account)
-        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
-        say_bodies(account, bodies, self.settings.map, "the middles of the blocks")
-        say_contacts(account)
+        scene = SceneBuilder(self.settings, str(self.path), account)
+        which = scene.gaps.ask(self._scene, "D")
+        _blocks(which, scene_obs, scene)
+        scene.gaps.ask(lambda: self._table(which, scene_obs, scene), None)
+        scene.gaps.refuse()
+        robot, joints = _robot(robot_obs, frames, scene)
         say_success(account, known=False, hold=None)
-        dt = self.settings.dt or self.settings.map.source.dt or 1 / RATE
-        header = Header(
-            episode_id="", physics_dt=self.settings.map.source.physics_dt or 1 / PHYSICS, frame_dt=dt,
-            control_dt=dt, force_source="none", source=Source(simulator="PyBullet (CALVIN)"),
-            bodies=(*bodies, *more), joints=joints,
+        dt = self.settings.stated_dt or 1 / RATE
+        return scene.episode(
+            np.arange(len(frames), dtype=np.float64) * dt, robot, com="the middles of the blocks",
+            physics_dt=self.settings.map.source.physics_dt or 1 / PHYSICS, frame_dt=dt, control_dt=dt,
+            source=Source(simulator="PyBullet (CALVIN)"), joints=joints,
         )  # fmt: skip
-        t = np.arange(len(frames), dtype=np.float64) * dt
-        return Episode(header, t, {**tracks, **still}, None, robot, meshes=meshes)
 
     def _frame(self, number: int) -> dict[str, F64]:
         path = self.path / f"episode_{number:07d}.npz"
@@ -161,43 +139,9 @@ class Calvin(Importer):
             )  # fmt: skip
         return self.settings.map.source.scene
 
-    def _blocks(
-        self,
-        scene: str,
-        obs: F64,
-        bodies: list[Body],
-        tracks: dict[str, Track],
-        meshes: dict[str, Mesh],
-        account: Account,
-    ) -> None:
-        from scipy.spatial.transform import Rotation
-
-        for i, (name, size) in enumerate(BLOCKS[scene]):
-            pose = obs[:, 6 + 6 * i : 12 + 6 * i]
-            x, y, z, w = Rotation.from_euler("xyz", pose[:, 3:]).as_quat().T
-            half = (SCALE * LENGTHS[size] / 2, SCALE * 0.025, SCALE * 0.025)
-            raw = Body(
-                name=name, kind="object", mass=1.0, geoms=(Geom(kind="box", size=half),),
-                untold=("up_axis", "cavity"),
-            )  # fmt: skip
-            bodies.append(apply_map(raw, self.settings.map, meshes))
-            tracks[name] = make_track(pose[:, :3], np.column_stack([w, x, y, z]), None, None)
-        account.guessed(
-            "which block is which", f"{', '.join(name for name, _ in BLOCKS[scene])}, as scene {scene} lists them",
-            cost="sizes and roles of the blocks",
-        )  # fmt: skip
-
-    def _table(
-        self,
-        scene: str,
-        obs: F64,
-        bodies: list[Body],
-        tracks: dict[str, Track],
-        meshes: dict[str, Mesh],
-        account: Account,
-    ) -> None:
+    def _table(self, which: str, obs: F64, scene: SceneBuilder) -> None:
         """The furniture by its URDF, its drawer and door by their joints."""
-        name = f"calvin_table_{scene}.urdf"
+        name = f"calvin_table_{which}.urdf"
         files = [file for folder in self.settings.assets for file in sorted(folder.rglob(name))]
         if not files:
             raise SourceError(
@@ -210,7 +154,7 @@ class Calvin(Importer):
         known = {joint.name for joint in model.joints}
         positions = {joint: obs[:, i] for i, joint in enumerate(FURNITURE) if joint in known}
         base = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
-        meshes.update(model.meshes)
+        scene.meshes.update(model.meshes)
         for link, (place, turn) in zip(
             model.links, model.place(base, positions).values(), strict=True
         ):
@@ -222,47 +166,50 @@ class Calvin(Importer):
             where, how = (
                 np.broadcast_to(part, (len(obs), part.shape[-1])) for part in (place, turn)
             )
-            body, track = fixed_if_still(
-                apply_map(raw, self.settings.map, meshes), make_track(where, how, None, None)
-            )
-            bodies.append(body)
-            tracks[body.name] = track
-        account.recomputed(
+            scene.add(scene.describe(raw), make_track(where, how, None, None))
+        scene.account.recomputed(
             "poses of drawer, door, button and switch", f"from their joints, by {name}"
         )
 
-    def _robot(
-        self,
-        obs: F64,
-        frames: list[dict[str, F64]],
-        bodies: list[Body],
-        tracks: dict[str, Track],
-        meshes: dict[str, Mesh],
-        account: Account,
-    ) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        base = still_track(BASE, (1.0, 0.0, 0.0, 0.0))
-        columns = np.column_stack([obs[:, 7:14], obs[:, 6] / 2, obs[:, 6] / 2])
-        placed = place_robot(
-            self.settings, "robot_base", base, columns, account, meshes, taken=set(tracks)
+
+def _blocks(which: str, obs: F64, scene: SceneBuilder) -> None:
+    from scipy.spatial.transform import Rotation
+
+    for i, (name, size) in enumerate(BLOCKS[which]):
+        pose = obs[:, 6 + 6 * i : 12 + 6 * i]
+        x, y, z, w = Rotation.from_euler("xyz", pose[:, 3:]).as_quat().T
+        half = (SCALE * LENGTHS[size] / 2, SCALE * 0.025, SCALE * 0.025)
+        raw = Body(
+            name=name, kind="object", mass=1.0, geoms=(Geom(kind="box", size=half),),
+            untold=("up_axis", "cavity"),
+        )  # fmt: skip
+        turn = np.column_stack([w, x, y, z])
+        scene.add(scene.describe(raw), make_track(pose[:, :3], turn, None, None))
+    scene.account.guessed(
+        "which block is which", f"{', '.join(name for name, _ in BLOCKS[which])}, as scene {which} lists them",
+        cost="sizes and roles of the blocks",
+    )  # fmt: skip
+
+
+def _robot(
+    obs: F64, frames: list[dict[str, F64]], scene: SceneBuilder
+) -> tuple[RobotFrames, tuple[Joint, ...]]:
+    base = still_track(BASE, (1.0, 0.0, 0.0, 0.0))
+    columns = np.column_stack([obs[:, 7:14], obs[:, 6] / 2, obs[:, 6] / 2])
+    placed = scene.place_robot("robot_base", base, columns)
+    if placed is not None:
+        joints, gripper = placed.joints, placed.gripper
+    else:
+        raw = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
+        scene.add(scene.describe(raw), base)
+        say_links(scene.account, "the arm")
+        joints = tuple(
+            Joint(name=f"joint_{i}", kind="revolute", body="robot_base") for i in range(7)
         )
-        if placed is not None:
-            bodies += placed.bodies
-            tracks.update(placed.tracks)
-            joints, gripper = placed.joints, placed.gripper
-        else:
-            raw = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
-            bodies.append(apply_map(raw, self.settings.map, meshes))
-            tracks["robot_base"] = base
-            say_links(account, "the arm")
-            joints = tuple(
-                Joint(name=f"joint_{i}", kind="revolute", body="robot_base") for i in range(7)
-            )
-            columns, gripper = columns[:, :7], np.clip(obs[:, 6:7] / 0.08, 0.0, 1.0)
-        whole = all("actions" in frame for frame in frames)
-        action = np.stack([f["actions"] for f in frames]) if whole else np.zeros((len(frames), 0))
-        none = np.zeros((len(frames), 0))
-        parts: tuple[Any, ...] = (columns, none, none, action, gripper)
-        return RobotFrames(*(part.astype(np.float32) for part in parts)), joints
+        columns, gripper = columns[:, :7], np.clip(obs[:, 6:7] / 0.08, 0.0, 1.0)
+    whole = all("actions" in frame for frame in frames)
+    action = np.stack([f["actions"] for f in frames]) if whole else None
+    return robot_frames(len(frames), joint_position=columns, action=action, gripper=gripper), joints
 
 
 IDS = "ep_start_end_ids.npy"

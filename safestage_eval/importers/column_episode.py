@@ -18,18 +18,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track, still_track
+from safestage_eval.episode import Body, Episode, Joint, RobotFrames, Track, still_track
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
 
 from .account import Account
 from .foreign_motion import make_track, to_wxyz
-from .gaps import Gaps
 from .importer import Importer, QuaternionOrder, Settings, SourceError
 from .map_tables import BodyColumns, ColumnsTable
-from .missing_data import say_bodies, say_contacts, say_success
-from .place_robot import Placed, place_robot
-from .scene_bodies import apply_map, fixed_from_map, need_shapes
+from .missing_data import say_success
+from .place_robot import Placed
+from .scene_builder import SceneBuilder, robot_frames
 from .stateless import ask_for
 
 F64 = NDArray[np.float64]
@@ -102,31 +101,23 @@ class ColumnImporter(Importer):
         rows = self.rows(name, self._wanted)
         columns = rows.columns
         current().demand("frames", len(next(iter(columns.values()))), where)
-        gaps = Gaps(where, self.settings.noted)
-        order: QuaternionOrder = gaps.ask(lambda: self._order(where), "wxyz")
-        bodies: list[Body] = []
-        tracks: dict[str, Track] = {}
-        meshes: dict[str, Any] = {}
+        scene = SceneBuilder(self.settings, where, account)
+        order: QuaternionOrder = scene.gaps.ask(lambda: self._order(where), "wxyz")
         for body_name, spec in self._columns.body.items():
             raw = Body(name=body_name, kind="object", untold=("up_axis", "cavity"))
-            bodies.append(apply_map(raw, self.settings.map, meshes))
-            tracks[body_name] = _track(columns, spec, order, f"{where}: {body_name}")
-        gaps.ask(lambda: need_shapes(bodies, where, among=f"{self.title}s have none"), None)
-        t = gaps.ask(lambda: self._time(rows, where), np.zeros(0))
-        gaps.refuse()
-        placed = self._placed(rows, where, set(tracks), account, meshes)
-        if placed is not None:
-            bodies += placed.bodies
-            tracks.update(placed.tracks)
-        elif not any(body.kind in ("robot", "gripper") for body in bodies):
+            scene.bodies.append(scene.describe(raw))
+            scene.tracks[body_name] = _track(columns, spec, order, f"{where}: {body_name}")
+        scene.need_shapes(f"{self.title}s have none")
+        t = scene.gaps.ask(lambda: self._time(rows, where), np.zeros(0))
+        scene.gaps.refuse()
+        placed = self._placed(rows, scene)
+        if placed is None and not any(b.kind in ("robot", "gripper") for b in scene.bodies):
             base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
-            bodies.append(base)
-            tracks[base.name] = still_track((0, 0, 0), (1, 0, 0, 0))
-        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
-        frames, joints = self._robot(columns, len(t), where, account, placed)
-        self._remark(bodies, account)
-        header = self._header(rows, t, (*bodies, *more), joints, account)
-        return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
+            scene.add(base, still_track((0, 0, 0), (1, 0, 0, 0)))
+        frames, joints = self._robot(columns, len(t), scene, placed)
+        self._remark(account)
+        about = self._about(rows, t, account)
+        return scene.episode(t, frames, com="the bodies' origins", joints=joints, **about)
 
     def _no_map(self) -> SourceError:
         seen = self.seen()
@@ -163,7 +154,7 @@ class ColumnImporter(Importer):
         return list(dict.fromkeys([column_of(text) for text in texts]))
 
     def _order(self, where: str) -> QuaternionOrder:
-        order = self.settings.quaternion or self.settings.map.source.quaternion
+        order = self.settings.stated_order
         if order is None:
             raise SourceError(
                 where,
@@ -176,7 +167,7 @@ class ColumnImporter(Importer):
     def _time(self, rows: Rows, where: str) -> F64:
         """(T,) s; what the user says wins."""
         count = len(next(iter(rows.columns.values())))
-        dt = self.settings.dt or self.settings.map.source.dt
+        dt = self.settings.stated_dt
         if dt is not None:
             return np.arange(count, dtype=np.float64) * dt
         if self._columns.time is not None:
@@ -189,64 +180,49 @@ class ColumnImporter(Importer):
             )  # fmt: skip
         return rows.t
 
-    def _placed(
-        self, rows: Rows, where: str, taken: set[str], account: Account, meshes: dict[str, Any]
-    ) -> Placed | None:
+    def _placed(self, rows: Rows, scene: SceneBuilder) -> Placed | None:
         """The robot's links by ``--robot`` and the joint positions; its base stands at the world's origin."""
         if self.settings.robot is None:
             return None
         if self._columns.joint_position is None:
             raise SourceError(
-                where, "no column is mapped to the joint positions, which --robot needs.",
+                scene.where, "no column is mapped to the joint positions, which --robot needs.",
                 fix='[columns] joint_position = "observation.state[0:7]" in the map file',
             )  # fmt: skip
-        values = part_of(rows.columns, self._columns.joint_position, None, where)
+        values = part_of(rows.columns, self._columns.joint_position, None, scene.where)
         entry = self.settings.map.of_body("robot_base")
         place = (0.0, 0.0, 0.0) if entry is None or entry.position is None else entry.position
         turn = (1.0, 0.0, 0.0, 0.0) if entry is None else tuple(entry.orientation)
         if entry is None or entry.position is None:
-            account.guessed(
+            scene.account.guessed(
                 "place of the robot's base", "the origin of the world",
                 remedy="[body.robot_base] position, orientation in the map file",
             )  # fmt: skip
-        return place_robot(
-            self.settings, "robot_base", still_track(place, turn), values, account, meshes,
-            names=rows.joints if len(rows.joints) == values.shape[1] else (), taken=taken,
-        )  # fmt: skip
+        names = rows.joints if len(rows.joints) == values.shape[1] else ()
+        return scene.place_robot("robot_base", still_track(place, turn), values, names=names)
 
     def _robot(
-        self,
-        columns: dict[str, F64],
-        rows: int,
-        where: str,
-        account: Account,
-        placed: Placed | None,
+        self, columns: dict[str, F64], rows: int, scene: SceneBuilder, placed: Placed | None
     ) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        parts = []
-        for part in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper"):
-            spec = getattr(self._columns, part)
-            values = np.zeros((rows, 0)) if spec is None else part_of(columns, spec, None, where)
-            parts.append(values.astype(np.float32))
-        count = max(column.shape[1] for column in parts[:3])
+        parts = {
+            name: part_of(columns, spec, None, scene.where)
+            for name in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
+            if (spec := getattr(self._columns, name)) is not None
+        }
         if placed is not None:
-            if not parts[-1].shape[1]:
-                parts[-1] = placed.gripper.astype(np.float32)
-            return RobotFrames(*parts), placed.joints
+            return robot_frames(rows, **{"gripper": placed.gripper, **parts}), placed.joints
+        count = max(
+            (v.shape[1] for name, v in parts.items() if name.startswith("joint")), default=0
+        )
         if count:
-            account.guessed("names and kinds of joints", "numbered, revolute")
+            scene.account.guessed("names and kinds of joints", "numbered, revolute")
         joints = tuple(Joint(name=f"joint_{i}", kind="revolute") for i in range(count))
-        return RobotFrames(*parts), joints
+        return robot_frames(rows, **parts), joints
 
     # ---- the header and the account
 
-    def _header(
-        self,
-        rows: Rows,
-        t: F64,
-        bodies: tuple[Body, ...],
-        joints: tuple[Joint, ...],
-        account: Account,
-    ) -> Header:
+    def _about(self, rows: Rows, t: F64, account: Account) -> dict[str, Any]:
+        """Fields of the header besides bodies and joints."""
         dt = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
         physics = self.settings.map.source.physics_dt
         if physics is None:
@@ -260,29 +236,23 @@ class ColumnImporter(Importer):
             moment = float(t[int(np.argmax(reached))]) if success else None
         hold = None if moment is None else float(t[-1] - moment)
         say_success(account, known=success is not None, hold=hold, how="the robot went on")
-        return Header(
-            episode_id="",
-            task=rows.instruction,
-            instruction=rows.instruction,
-            rollout=rows.number,
-            physics_dt=physics or dt,
-            frame_dt=dt,
-            control_dt=dt,
-            success=success,
-            success_time=moment,
-            force_source="none",
-            bodies=bodies,
-            joints=joints,
-        )
+        return {
+            "task": rows.instruction,
+            "instruction": rows.instruction,
+            "rollout": rows.number,
+            "physics_dt": physics or dt,
+            "frame_dt": dt,
+            "control_dt": dt,
+            "success": success,
+            "success_time": moment,
+        }
 
-    def _remark(self, bodies: list[Body], account: Account) -> None:
+    def _remark(self, account: Account) -> None:
         account.missing(
             "bodies that no column is mapped to",
             cost="the robot's distances, contacts and grasps: inconclusive",
             remedy="[columns.body.NAME] in the map file",
         )
-        say_bodies(account, bodies, self.settings.map, "the bodies' origins")
-        say_contacts(account)
         derived = [n for n, spec in self._columns.body.items() if spec.linear_velocity is None]
         if derived:
             account.recomputed(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -38,19 +38,6 @@ class Guess:
     value: Any
     reason: str
     confidence: Confidence
-
-
-@dataclass
-class Guesses:
-    """Guesses about the episodes of one task.
-
-    Attributes:
-        episodes: ids of those that were looked at.
-        roles: role → guess, for roles that the headers leave open.
-    """
-
-    episodes: list[str] = field(default_factory=list)
-    roles: dict[str, Guess] = field(default_factory=dict)
 
 
 def guess_roles(episodes: Sequence[Episode]) -> dict[str, Guess]:

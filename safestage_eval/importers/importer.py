@@ -43,6 +43,16 @@ class Settings:
     robot: Path | None = None
     noted: list[SourceError] | None = field(default=None, compare=False)
 
+    @property
+    def stated_dt(self) -> float | None:
+        """Time in s between rows as the user states it, by flag or map file."""
+        return self.dt or self.map.source.dt
+
+    @property
+    def stated_order(self) -> QuaternionOrder | None:
+        """Order of quaternions as the user states it, by flag or map file."""
+        return self.quaternion or self.map.source.quaternion
+
 
 class Format(ABC):
     """A foreign format."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Header, Joint, Source, Track
+from safestage_eval.episode import Body, Episode, Source
 from safestage_eval.episode.body import BodyKind
 from safestage_eval.errors import TraceError
 
@@ -16,13 +16,12 @@ from . import hdf5
 from .account import Account
 from .boxes import Fit, fit, to_metres
 from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
-from .gaps import Gaps
 from .importer import QuaternionOrder, SourceError
 from .isaac_file import IsaacFile
 from .isaac_robot import robot_columns, rows_with_first
-from .missing_data import say_bodies, say_contacts, say_links, say_success
-from .place_robot import Placed, place_robot
-from .scene_bodies import apply_map, fixed_from_map, need_shapes
+from .missing_data import say_links, say_success
+from .place_robot import Placed
+from .scene_builder import SceneBuilder
 
 F64 = NDArray[np.float64]
 
@@ -30,25 +29,20 @@ SPREAD = 4e-3
 """m. Corners of a box that spread further than this in the body frame are not of these poses."""
 
 
-class Demo:
+class Demo(SceneBuilder):
     """One demo on its way to an episode."""
 
     def __init__(self, source: IsaacFile, name: str, account: Account) -> None:
-        self.source, self.name, self.account = source, name, account
+        super().__init__(source.settings, f"{source.path}: data/{name}", account)
+        self.source, self.name, self.map = source, name, source.settings.map
         self.group = source.data[name]
-        self.map = source.settings.map
-        self.where = f"{source.path}: data/{name}"
         self.result = source.sidecars.result(source.path, name)
-        self.gaps = Gaps(self.where, source.settings.noted)
         self.order: QuaternionOrder = self.gaps.ask(source.order, "wxyz")
         self.physics_dt, self.dt = self.gaps.ask(self._rates, (1.0, 1.0))
         self.first = self.group.get("initial_state")
-        self.bodies: list[Body] = []
-        self.tracks: dict[str, Track] = {}
-        self.meshes: dict[str, Any] = {}
         self.placed: dict[str, Placed] = {}
 
-    def episode(self) -> Episode:
+    def read(self) -> Episode:
         """Read the episode. Raises InputError when it lacks what no trace can do without."""
         states = self.group.get("states")
         if states is None or not any(k in states for k in ("rigid_object", "articulation")):
@@ -72,22 +66,19 @@ class Demo:
         frames, joints = robot_columns(
             self.group, self.length, self.where, self.account, self.placed
         )
-        more, still = fixed_from_map({body.name for body in self.bodies}, self.map, self.meshes)
         self._remark()
-        among = "RoboLab's bbox group is missing"
-        self.gaps.ask(lambda: need_shapes(self.bodies, self.where, among=among), None)
+        self.need_shapes("RoboLab's bbox group is missing")
         self.gaps.refuse()
-        header = self._header((*self.bodies, *more), joints)
         t = np.arange(self.length, dtype=np.float64) * self.dt
-        return Episode(header, t, {**self.tracks, **still}, None, frames, meshes=self.meshes)
+        com = "the middles of the boxes"
+        return self.episode(t, frames, com=com, joints=joints, **self._about())
 
     # ---- rates
 
     def _rates(self) -> tuple[float, float]:
-        settings, from_map, beside = self.source.settings, self.map.source, self.source.sidecars
-        physics = from_map.physics_dt or beside.physics_dt
-        reported = self.result.get("dt")
-        dt = settings.dt or from_map.dt or beside.dt or (float(reported) if reported else None)
+        beside, reported = self.source.sidecars, self.result.get("dt")
+        physics = self.map.source.physics_dt or beside.physics_dt
+        dt = self.settings.stated_dt or beside.dt or (float(reported) if reported else None)
         for problem in beside.problems:
             self.account.missing(problem, remedy="mend the file")
         if dt is None:
@@ -153,18 +144,14 @@ class Demo:
             com=box.geom.position if box is not None else (0, 0, 0),
             untold=("up_axis", "cavity"),
         )  # fmt: skip
-        body = apply_map(raw, self.map, self.meshes)
+        body = self.describe(raw)
         if kind == "fixture" and body.kind == "fixture":
             self.account.guessed(
                 f"{name} is a fixture", "by its name, which RoboLab's scenes share",
                 remedy=f'[body.{name}] kind = "object" in the map file',
             )  # fmt: skip
-        motion = make_track(
-            position, orientation, at_origin(linear, angular, orientation, body.com), angular
-        )
-        body, motion = fixed_if_still(body, motion)
-        self.bodies.append(body)
-        self.tracks[name] = motion
+        linear = at_origin(linear, angular, orientation, body.com)
+        self.add(body, make_track(position, orientation, linear, angular))
 
     def _box(self, name: str, position: F64, orientation: F64) -> Fit | None:
         data = self.group.get(f"bbox/bbox_mm/{name}")
@@ -205,23 +192,16 @@ class Demo:
         position, orientation, linear, angular = self._motion(group, first, name)
         own = f"{name}_base" if name in ("robot", "gripper") else name
         raw = Body(name=own, kind="robot" if "robot" in name else "fixture", untold=("links",))
-        body = apply_map(raw, self.map, self.meshes)
+        body = self.describe(raw)
         body, motion = fixed_if_still(body, make_track(position, orientation, linear, angular))
-        if raw.kind == "robot" and self.source.settings.robot is not None:
+        if raw.kind == "robot" and self.settings.robot is not None:
             columns = rows_with_first(group, first, "joint_position", f"{self.where}/{name}")
-            taken = {body.name for body in self.bodies} | {
-                *self.group["states"].get("rigid_object", ())
-            }
-            placed = place_robot(
-                self.source.settings, own, motion, columns, self.account, self.meshes, taken=taken
-            )
+            taken = self.group["states"].get("rigid_object", ())
+            placed = self.place_robot(own, motion, columns, taken=taken)
             assert placed is not None
             self.placed[name] = placed
-            self.bodies += placed.bodies
-            self.tracks.update(placed.tracks)
             return
-        self.bodies.append(body)
-        self.tracks[own] = motion
+        self.add(body, motion)
         say_links(self.account, name)
 
     def _hand(self) -> None:
@@ -244,9 +224,8 @@ class Demo:
             )
         self._same_length(len(position), where)
         raw = Body(name="gripper_base", kind="gripper")
-        body = apply_map(raw, self.map, self.meshes)
-        self.bodies.append(body)
-        self.tracks["gripper_base"] = make_track(position, turn, *twist)
+        body = self.describe(raw)
+        self.add(body, make_track(position, turn, *twist))
         if not body.geoms:
             self.account.missing(
                 "shapes of the gripper", "what goes along with its base counts as held",
@@ -266,18 +245,17 @@ class Demo:
                 cost="what is no box touches and clears as its box does; nothing can be inside",
                 remedy="[body.NAME] shapes in the map file",
             )
-        say_bodies(self.account, self.bodies, self.map, "the middles of the boxes")
-        say_contacts(self.account)
         self.account.missing(
             "what the scene has beside its rigid objects",
             cost="nothing is known of floors, walls and fixed furniture",
             remedy="[body.NAME] with position and shapes in the map file",
         )
 
-    def _roles(self, names: set[str]) -> dict[str, tuple[str, ...]]:
+    def _roles(self) -> dict[str, tuple[str, ...]]:
         """From the success condition, as far as it names bodies of the recording."""
         stated = self.source.sidecars.roles
-        roles = {role: tuple(n for n in players if n in names) for role, players in stated.items()}
+        there = {body.name for body in self.bodies}
+        roles = {role: tuple(n for n in players if n in there) for role, players in stated.items()}
         roles = {role: players for role, players in roles.items() if players}
         if roles:
             self.account.recomputed(
@@ -286,7 +264,8 @@ class Demo:
             )  # fmt: skip
         return roles
 
-    def _header(self, bodies: tuple[Body, ...], joints: tuple[Joint, ...]) -> Header:
+    def _about(self) -> dict[str, Any]:
+        """Fields of the header besides bodies and joints."""
         config, result = self.source.sidecars.config, self.result
         success = self.group.attrs.get("success")
         recorded_success = result.get("success")
@@ -303,31 +282,27 @@ class Demo:
         instruction = result.get("instruction") or config.get("instruction")
         full = isinstance(horizon, int | float) and end >= float(horizon) - 2 * self.dt
         version = self.source.attribute("isaaclab_version")
-        return Header(
-            episode_id="",
-            task=result.get("task_name") or config.get("_task_name") or _env_name(self.source),
-            instruction=instruction if isinstance(instruction, str) else None,
-            prompt=result.get("instruction_type"),
-            policy=result.get("policy"),
-            seed=int(seed) if isinstance(seed, int | np.integer) else None,
-            rollout=result.get("episode"),
-            physics_dt=self.physics_dt,
-            frame_dt=self.dt,
-            control_dt=self.dt,
-            gravity=self.source.sidecars.gravity or (0.0, 0.0, -9.81),
-            success=reached,
-            success_time=end if reached else None,
-            termination="success" if reached else "horizon" if full else None,
-            horizon=float(horizon) if isinstance(horizon, int | float) else None,
-            post_success_hold=0.0 if reached else None,
-            roles=self._roles({body.name for body in bodies}),
-            force_source="none",
-            source=Source(
+        return {
+            "task": result.get("task_name") or config.get("_task_name") or _env_name(self.source),
+            "instruction": instruction if isinstance(instruction, str) else None,
+            "prompt": result.get("instruction_type"),
+            "policy": result.get("policy"),
+            "seed": int(seed) if isinstance(seed, int | np.integer) else None,
+            "rollout": result.get("episode"),
+            "physics_dt": self.physics_dt,
+            "frame_dt": self.dt,
+            "control_dt": self.dt,
+            "gravity": self.source.sidecars.gravity or (0.0, 0.0, -9.81),
+            "success": reached,
+            "success_time": end if reached else None,
+            "termination": "success" if reached else "horizon" if full else None,
+            "horizon": float(horizon) if isinstance(horizon, int | float) else None,
+            "post_success_hold": 0.0 if reached else None,
+            "roles": self._roles(),
+            "source": Source(
                 simulator="Isaac Lab", simulator_version=None if version is None else str(version)
             ),
-            bodies=bodies,
-            joints=joints,
-        )
+        }
 
 
 def _env_name(source: IsaacFile) -> str | None:

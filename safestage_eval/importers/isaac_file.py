@@ -40,7 +40,7 @@ class IsaacFile:
         Raises:
             SourceError: neither the file nor the user tells.
         """
-        stated = self.settings.quaternion or self.settings.map.source.quaternion
+        stated = self.settings.stated_order
         if stated is not None:
             return stated
         version = self.attribute("isaaclab_version")

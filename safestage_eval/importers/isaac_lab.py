@@ -67,7 +67,7 @@ class IsaacLab(Importer):
     def read(self, name: str, account: Account) -> Episode:
         """Read one demo."""
         with hdf5.layout(f"{self.path}: {name}"):
-            return Demo(self._source, name, account).episode()
+            return Demo(self._source, name, account).read()
 
 
 IMPORTER = IsaacLab

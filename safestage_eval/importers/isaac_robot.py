@@ -14,6 +14,7 @@ from safestage_eval.errors import TraceError
 from . import hdf5
 from .account import Account
 from .place_robot import Placed
+from .scene_builder import robot_frames
 
 F64 = NDArray[np.float64]
 
@@ -64,15 +65,16 @@ def robot_columns(
         ]
     none = np.zeros((length, 0))
     position = np.hstack([none, *columns["joint_position"]])
-    parts = [position, np.hstack([none, *columns["joint_velocity"]]), none]
     rows = length - (0 if first is None else 1)
-    parts += [
-        _actions(group, length, rows, where, account),
-        next(iter(placed.values())).gripper
+    frames = robot_frames(
+        length, joint_position=position,
+        joint_velocity=np.hstack([none, *columns["joint_velocity"]]),
+        action=_actions(group, length, rows, where, account),
+        gripper=next(iter(placed.values())).gripper
         if placed
         else _opening(group, position, where, account),
-    ]
-    return RobotFrames(*(part.astype(np.float32) for part in parts)), tuple(joints)
+    )  # fmt: skip
+    return frames, tuple(joints)
 
 
 def _actions(group: Any, length: int, states: int, where: str, account: Account) -> F64:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from safestage_eval._text.json_text import from_json
+from safestage_eval._text.json_text import from_json, get_inside
 
 RESULTS = ("episode_results.jsonl", "episode_results.json")
 
@@ -33,7 +33,7 @@ class Sidecars:
     @property
     def physics_dt(self) -> float | None:
         """Integration step in s (``sim.dt``)."""
-        return _positive(_inside(self.config, "sim", "dt"))
+        return _positive(get_inside(self.config, "sim", "dt"))
 
     @property
     def dt(self) -> float | None:
@@ -44,7 +44,7 @@ class Sidecars:
     @property
     def gravity(self) -> tuple[float, float, float] | None:
         """Gravity in m/s², world."""
-        value = _inside(self.config, "sim", "gravity")
+        value = get_inside(self.config, "sim", "gravity")
         if not isinstance(value, list) or len(value) != 3:
             return None
         return float(value[0]), float(value[1]), float(value[2])
@@ -55,10 +55,10 @@ class Sidecars:
         terms = self.config.get("terminations")
         players: dict[str, dict[str, None]] = {"target": {}, "destination": {}}
         for term in terms.values() if isinstance(terms, dict) else ():
-            params = _inside(term, "params")
-            if not isinstance(params, dict) or _inside(term, "time_out"):
+            params = get_inside(term, "params")
+            if not isinstance(params, dict) or get_inside(term, "time_out"):
                 continue
-            away = "outside" in str(_inside(term, "func"))
+            away = "outside" in str(get_inside(term, "func"))
             keys = {"object": "target", "objects": "target", "reference_object": "destination"}
             keys["surface" if away else "container"] = "destination"
             for key, role in keys.items():
@@ -77,7 +77,7 @@ class Sidecars:
         """
         scene = self.config.get("scene")
         assets = scene.values() if isinstance(scene, dict) else ()
-        rotations = [_inside(a, "init_state", "rot") for a in assets if isinstance(a, dict)]
+        rotations = [get_inside(a, "init_state", "rot") for a in assets if isinstance(a, dict)]
         turns = [r for r in rotations if isinstance(r, list) and len(r) == 4]
         first = sum(abs(r[0]) > 0.99 for r in turns)
         last = sum(abs(r[3]) > 0.99 for r in turns)
@@ -142,12 +142,6 @@ def _json(path: Path, problems: list[str]) -> Any:
     except (OSError, ValueError) as error:
         problems.append(f"{path.name}: {error}")
         return {}
-
-
-def _inside(table: Any, *keys: str) -> Any:
-    for key in keys:
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
 
 
 def _positive(value: Any) -> float | None:

@@ -19,18 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._text.json_text import from_json
-from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Source, Track
+from safestage_eval._text.json_text import from_json, get_inside
+from safestage_eval.episode import Body, Episode, Joint, RobotFrames, Source, Track
+from safestage_eval.episode.body import BodyKind
 from safestage_eval.errors import TraceError
 
 from . import hdf5
 from .account import Account
 from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
-from .gaps import Gaps
 from .importer import Importer, Settings, SourceError
-from .missing_data import say_bodies, say_contacts, say_links, say_success
-from .place_robot import place_robot
-from .scene_bodies import apply_map, fixed_from_map, need_shapes
+from .missing_data import say_links, say_success
+from .scene_builder import SceneBuilder, robot_frames
 
 F64 = NDArray[np.float64]
 
@@ -97,30 +96,25 @@ class ManiSkill(Importer):
                 fix="replay it with ManiSkill's replay_trajectory and --use-env-states, which "
                 "writes env_states as a dictionary of actors",
             )  # fmt: skip
-        gaps = Gaps(where, self.settings.noted)
-        dt = gaps.ask(lambda: self._dt(account), 1.0)
-        bodies: list[Body] = []
-        tracks: dict[str, Track] = {}
-        meshes: dict[str, Any] = {}
+        scene = SceneBuilder(self.settings, where, account)
+        dt = scene.gaps.ask(lambda: self._dt(account), 1.0)
         for actor in sorted(states["actors"]):
-            body, motion = self._actor(actor, states["actors"], where, meshes)
-            bodies.append(body)
-            tracks[body.name] = motion
-        frames, joints = self._robots(states, group, where, bodies, tracks, account, meshes)
-        gaps.ask(lambda: need_shapes(bodies, where, among="ManiSkill records none"), None)
-        gaps.refuse()
-        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
-        self._remark(bodies, account)
+            _actor(actor, states["actors"], scene)
+        frames, joints = self._robots(states, group, scene)
+        scene.need_shapes("ManiSkill records none")
+        scene.gaps.refuse()
+        _remark(scene)
         t = np.arange(len(frames.action), dtype=np.float64) * dt
-        header = self._header(name, group, dt, t, (*bodies, *more), joints, account)
-        return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
+        about = self._about_episode(name, group, dt, t, account)
+        return scene.episode(t, frames, com="the bodies' origins", joints=joints, **about)
 
     def _dt(self, account: Account) -> float:
         self._physics_dt = 0.01
-        kwargs = _inside(self._about, "env_info", "env_kwargs") or {}
-        rate = _inside(kwargs, "sim_config", "control_freq")
-        stated = self.settings.dt or self.settings.map.source.dt
-        dt = stated or (1 / rate if isinstance(rate, int | float) and rate > 0 else None)
+        kwargs = get_inside(self._about, "env_info", "env_kwargs") or {}
+        rate = get_inside(kwargs, "sim_config", "control_freq")
+        dt = self.settings.stated_dt or (
+            1 / rate if isinstance(rate, int | float) and rate > 0 else None
+        )
         if dt is None:
             raise SourceError(
                 str(self.path),
@@ -128,7 +122,7 @@ class ManiSkill(Importer):
                 fix="--dt 1/20, ManiSkill's default control rate, or that of the task's "
                 "SimConfig(control_freq=…)",
             )
-        physics = _inside(kwargs, "sim_config", "sim_freq")
+        physics = get_inside(kwargs, "sim_config", "sim_freq")
         if self.settings.map.source.physics_dt is None and not isinstance(physics, int | float):
             account.guessed(
                 "physics step", "1/100 s, ManiSkill's default",
@@ -139,34 +133,14 @@ class ManiSkill(Importer):
         )
         return dt
 
-    def _actor(
-        self, name: str, actors: Any, where: str, meshes: dict[str, Any]
-    ) -> tuple[Body, Track]:
-        values = hdf5.rows(actors, name, f"{where}/env_states/actors", ROOT)
-        marker = "goal" in name
-        raw = Body(
-            name=name,
-            kind="region" if marker else "fixture" if "table" in name else "object",
-            untold=("up_axis", "cavity"),
-        )
-        body = apply_map(raw, self.settings.map, meshes)
-        return fixed_if_still(body, _motion(values, body, f"{where}/{name}"))
-
     def _robots(
-        self,
-        states: Any,
-        group: Any,
-        where: str,
-        bodies: list[Body],
-        tracks: dict[str, Track],
-        account: Account,
-        meshes: dict[str, Any],
+        self, states: Any, group: Any, scene: SceneBuilder
     ) -> tuple[RobotFrames, tuple[Joint, ...]]:
         length = len(states["actors"][next(iter(states["actors"]))])
-        position, velocity = np.zeros((length, 0)), np.zeros((length, 0))
+        position, velocity = [np.zeros((length, 0))], [np.zeros((length, 0))]
         joints: list[Joint] = []
         opening: F64 | None = None
-        inside = f"{where}/env_states/articulations"
+        inside = f"{scene.where}/env_states/articulations"
         articulations = states.get("articulations", {})
         if not hasattr(articulations, "keys"):
             raise TraceError(inside, "is no group.", "a dataset for each articulation")
@@ -177,54 +151,40 @@ class ManiSkill(Importer):
                 raise TraceError(
                     f"{inside}/{name}", f"shape {values.shape}.", f"({length}, 13 + 2 × joints)"
                 )
+            position.append(values[:, ROOT : ROOT + count])
+            velocity.append(values[:, ROOT + count :])
             own = f"{name}_base" if name in ("robot", "gripper") else name
             robot = name in str(
-                _inside(self._about, "env_info", "env_kwargs", "robot_uids") or name
+                get_inside(self._about, "env_info", "env_kwargs", "robot_uids") or name
             )
             raw = Body(name=own, kind="robot" if robot else "fixture", untold=("links",))
             body, motion = fixed_if_still(
-                apply_map(raw, self.settings.map, meshes),
-                _motion(values[:, :ROOT], raw, f"{inside}/{name}"),
+                scene.describe(raw), _motion(values[:, :ROOT], raw, f"{inside}/{name}")
             )
-            placed = None
-            if robot:
-                placed = place_robot(
-                    self.settings, own, motion, values[:, ROOT : ROOT + count], account, meshes,
-                    taken={*tracks, *states["actors"], *articulations},
-                )  # fmt: skip
+            taken = {*states["actors"], *articulations}
+            placed = scene.place_robot(own, motion, position[-1], taken=taken) if robot else None
             if placed is not None:
-                bodies += placed.bodies
-                tracks.update(placed.tracks)
                 joints += placed.joints
                 opening = placed.gripper
-                position = np.hstack([position, values[:, ROOT : ROOT + count]])
-                velocity = np.hstack([velocity, values[:, ROOT + count :]])
                 continue
-            bodies.append(body)
-            tracks[own] = motion
-            position = np.hstack([position, values[:, ROOT : ROOT + count]])
-            velocity = np.hstack([velocity, values[:, ROOT + count :]])
+            scene.add(body, motion)
             joints += [Joint(name=f"{name}_{i}", kind="revolute", body=own) for i in range(count)]
-            say_links(account, name)
-        action = np.zeros((length, 0))
+            say_links(scene.account, name)
+        action = None
         if "actions" in group and not hasattr(group["actions"], "keys"):
-            rows = hdf5.rows(group, "actions", where)
+            rows = hdf5.rows(group, "actions", scene.where)
             if len(rows):
                 action = rows[np.minimum(np.arange(length), len(rows) - 1)]
-        none = np.zeros((length, 0), np.float32)
-        columns = (position, velocity, none, action, none if opening is None else opening)
-        return RobotFrames(*(c.astype(np.float32) for c in columns)), tuple(joints)
+        frames = robot_frames(
+            length, joint_position=np.hstack(position), joint_velocity=np.hstack(velocity),
+            action=action, gripper=opening,
+        )  # fmt: skip
+        return frames, tuple(joints)
 
-    def _header(
-        self,
-        name: str,
-        group: Any,
-        dt: float,
-        t: F64,
-        bodies: tuple[Body, ...],
-        joints: tuple[Joint, ...],
-        account: Account,
-    ) -> Header:
+    def _about_episode(
+        self, name: str, group: Any, dt: float, t: F64, account: Account
+    ) -> dict[str, Any]:
+        """Fields of the header besides bodies and joints."""
         number = int(name.removeprefix("traj_")) if name.removeprefix("traj_").isdigit() else -1
         listed = self._about.get("episodes")
         lines = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
@@ -232,38 +192,41 @@ class ManiSkill(Importer):
         success, moment = _success(group, about, t)
         hold = None if moment is None else float(t[-1] - moment)
         say_success(account, known=success is not None, hold=hold, how="the robot went on")
-        seed = about.get("episode_seed", _inside(about, "reset_kwargs", "seed"))
-        steps = _inside(self._about, "env_info", "max_episode_steps")
+        seed = about.get("episode_seed", get_inside(about, "reset_kwargs", "seed"))
+        steps = get_inside(self._about, "env_info", "max_episode_steps")
         full = isinstance(steps, int) and len(t) > steps
-        return Header(
-            episode_id="",
-            task=_inside(self._about, "env_info", "env_id"),
-            policy=self._about.get("source_type"),
-            seed=seed if isinstance(seed, int) else None,
-            rollout=number if number >= 0 else None,
-            physics_dt=self._physics_dt,
-            frame_dt=dt,
-            control_dt=dt,
-            success=success,
-            success_time=moment,
-            termination="horizon" if full else None,
-            horizon=steps * dt if isinstance(steps, int) else None,
-            post_success_hold=hold,
-            force_source="none",
-            source=Source(simulator="SAPIEN (ManiSkill)"),
-            bodies=bodies,
-            joints=joints,
-        )
+        return {
+            "task": get_inside(self._about, "env_info", "env_id"),
+            "policy": self._about.get("source_type"),
+            "seed": seed if isinstance(seed, int) else None,
+            "rollout": number if number >= 0 else None,
+            "physics_dt": self._physics_dt,
+            "frame_dt": dt,
+            "control_dt": dt,
+            "success": success,
+            "success_time": moment,
+            "termination": "horizon" if full else None,
+            "horizon": steps * dt if isinstance(steps, int) else None,
+            "post_success_hold": hold,
+            "source": Source(simulator="SAPIEN (ManiSkill)"),
+        }
 
-    def _remark(self, bodies: list[Body], account: Account) -> None:
-        say_bodies(account, bodies, self.settings.map, "the bodies' origins")
-        say_contacts(account)
-        kinds = [f"{b.name} is a {b.kind}" for b in bodies if b.kind in ("region", "fixture")]
-        if kinds:
-            account.guessed(
-                f"that {', '.join(kinds)}", "by their names, unless the map file says so",
-                remedy="[body.NAME] kind in the map file",
-            )  # fmt: skip
+
+def _actor(name: str, actors: Any, scene: SceneBuilder) -> None:
+    values = hdf5.rows(actors, name, f"{scene.where}/env_states/actors", ROOT)
+    marker = "goal" in name
+    kind: BodyKind = "region" if marker else "fixture" if "table" in name else "object"
+    body = scene.describe(Body(name=name, kind=kind, untold=("up_axis", "cavity")))
+    scene.add(body, _motion(values, body, f"{scene.where}/{name}"))
+
+
+def _remark(scene: SceneBuilder) -> None:
+    kinds = [f"{b.name} is a {b.kind}" for b in scene.bodies if b.kind in ("region", "fixture")]
+    if kinds:
+        scene.account.guessed(
+            f"that {', '.join(kinds)}", "by their names, unless the map file says so",
+            remedy="[body.NAME] kind in the map file",
+        )  # fmt: skip
 
 
 def _motion(values: F64, body: Body, where: str) -> Track:
@@ -279,7 +242,7 @@ def _success(group: Any, about: dict[str, Any], t: F64) -> tuple[bool | None, fl
         rows = np.asarray(group["success"][()], bool).ravel()
         first = int(np.argmax(rows)) if rows.any() else None
         return bool(rows.any()), None if first is None else float(t[min(first + 1, len(t) - 1)])
-    stated = about.get("success", _inside(about, "info", "success"))
+    stated = about.get("success", get_inside(about, "info", "success"))
     return (bool(stated), None) if isinstance(stated, bool | int) else (None, None)
 
 
@@ -291,12 +254,6 @@ def _json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise SourceError(str(path), f"cannot be read: {error}.") from None
     return table if isinstance(table, dict) else {}
-
-
-def _inside(table: Any, *keys: str) -> Any:
-    for key in keys:
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
 
 
 IMPORTER = ManiSkill

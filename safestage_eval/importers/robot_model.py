@@ -132,14 +132,10 @@ def scaled(model: RobotModel, by: float) -> RobotModel:
 
     def link_of(link: RobotLink) -> RobotLink:
         geoms = tuple(
-            geom.model_copy(
-                update={
-                    "size": tuple(by * size for size in geom.size),
-                    "position": tuple(by * x for x in geom.position),
-                    "mesh": None if geom.mesh is None else meshes[geom.mesh].key,
-                }
-            )
-            for geom in link.body.geoms
+            scaled_geom
+            if scaled_geom.mesh is None
+            else scaled_geom.model_copy(update={"mesh": meshes[scaled_geom.mesh].key})
+            for scaled_geom in (geom.scaled(by) for geom in link.body.geoms)
         )
         body = link.body.model_copy(update={"geoms": geoms})
         joints = tuple(replace(j, anchor=_times(by, j.anchor)) for j in link.joints)

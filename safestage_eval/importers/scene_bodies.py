@@ -87,15 +87,7 @@ def _shapes_scaled(body: Body, map_: MapFile, by: float) -> Body:
             map_.path, f"[source] length: the mesh of {body.name} cannot be scaled.",
             fix=f"[body.{body.name}] shapes in the map file, with their scale",
         )  # fmt: skip
-    geoms = tuple(
-        geom.model_copy(
-            update={
-                "size": tuple(by * s for s in geom.size),
-                "position": tuple(by * p for p in geom.position),
-            }
-        )
-        for geom in body.geoms
-    )
+    geoms = tuple(geom.scaled(by) for geom in body.geoms)
     return body.model_copy(update={"geoms": geoms})
 
 

@@ -15,6 +15,7 @@ from .importer import Settings, SourceError
 from .place_robot import placed_links
 from .robot_file import load_robot, robot_from_urdf
 from .robot_model import RobotModel
+from .scene_builder import robot_frames
 from .tf_messages import Found
 
 F64 = NDArray[np.float64]
@@ -88,9 +89,8 @@ def place_arm(
     )  # fmt: skip
     meshes.update(model.meshes)
     placed = placed_links(model, base, motion, positions, names, settings.map, meshes, ())
-    none = np.zeros((len(times), 0), np.float32)
-    column = np.column_stack([positions[name] for name in names]).astype(np.float32)
-    frames = RobotFrames(column, none, none, none, placed.gripper.astype(np.float32))
+    column = np.column_stack([positions[name] for name in names])
+    frames = robot_frames(len(times), joint_position=column, gripper=placed.gripper)
     return Arm(tuple(placed.bodies), placed.tracks, placed.joints, frames)
 
 

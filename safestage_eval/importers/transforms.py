@@ -217,7 +217,7 @@ class Transforms(Importer):
         start = max(float(edge.time[0]) for edge in moving)
         end = min(float(edge.time[-1]) for edge in moving)
         whole = max(float(e.time[-1]) for e in moving) - min(float(e.time[0]) for e in moving)
-        dt = self.settings.dt or self.settings.map.source.dt
+        dt = self.settings.stated_dt
         first = moving[0].time
         if dt is None and all(np.array_equal(first, edge.time) for edge in moving[1:]):
             times: F64 = first

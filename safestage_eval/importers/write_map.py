@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from safestage_eval._text.printable import printable
 from safestage_eval.episode import Body, Episode
@@ -20,11 +18,13 @@ from .import_source import recognised_in
 from .importer import Settings, SourceError
 from .read_source import Here
 from .registry import importer, unrecognised
+from .toml_lines import guess_line, toml_key
 
 TASKS = 8
 """Files at the most that are looked into."""
 
-_COMMENT = 44
+COLUMN = 44
+"""Characters of a line before its comment."""
 
 
 def map_skeleton(source: Path, settings: Settings | None = None, *, only: str | None = None) -> str:
@@ -93,7 +93,7 @@ def _lines(
     yield "[every]"
     roles = guess_roles(episodes)
     for role, guess in roles.items():
-        yield _guess(f"roles.{role}", guess.value, f"{guess.confidence}: {guess.reason}")
+        yield guess_line(f"# roles.{toml_key(role)}", guess, COLUMN)
     if not roles:
         yield '# roles.target = "…"  # the body that the task is about'
     if not any(episode.header.success is not None for episode in episodes):
@@ -102,11 +102,11 @@ def _lines(
     bodies = {body.name: body for episode in episodes for body in episode.header.bodies}
     for name, body in bodies.items():
         yield ""
-        yield f"[body.{_key(name)}]"
+        yield f"[body.{toml_key(name)}]"
         yield f'kind = "{body.kind}"'
         yield from _body(body)
         for key, guess in guesses.get(name, {}).items():
-            yield _guess(key, guess.value, f"{guess.confidence}: {guess.reason}")
+            yield guess_line(f"# {key}", guess, COLUMN)
 
 
 def _body(body: Body) -> Iterator[str]:
@@ -131,13 +131,3 @@ def _columns(columns: list[str]) -> Iterator[str]:
     yield "[columns.body.NAME]"
     yield f'position = "{columns[0].partition("[")[0]}[0:3]"'
     yield f'orientation = "{columns[0].partition("[")[0]}[3:7]"'
-
-
-def _guess(key: str, value: Any, reason: str) -> str:
-    said = f"# {key} = {json.dumps(value, ensure_ascii=False)}"
-    return f"{said:<{_COMMENT}}  # {printable(reason)}"
-
-
-def _key(name: str) -> str:
-    plain = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
-    return name if plain else json.dumps(name, ensure_ascii=False)
