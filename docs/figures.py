@@ -28,7 +28,7 @@ from safestage_eval.formats import discover
 from safestage_eval.palette import SERIES
 from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.rules import parse
+from safestage_eval.rules import string_parser
 from safestage_eval.signals import SIGNALS
 from safestage_eval.sketch import read
 from safestage_eval.units import in_unit, unit_of
@@ -77,7 +77,7 @@ def draw(entry: dict[str, Any], target: Path) -> None:
         view = entry.get("view", "xz")
         kinds = ("robot", "gripper") if view == "xy" else ()
         bodies = [b.name for b in episode.header.bodies if b.geoms and b.kind not in kinds]
-        named = [name for name in parse.call(entry["signal"]).args if name in bodies]
+        named = [name for name in string_parser.call(entry["signal"]).args if name in bodies]
         wanted = entry.get("around") or named
         window = frame_of_interest(episode, frames, wanted, view)
         for panel, frame in zip(panels, frames, strict=False):
@@ -92,7 +92,7 @@ def plot_series(
     axes: Any, episode: Episode, entry: Mapping[str, Any], frames: Sequence[int]
 ) -> None:
     """The signal over time with the shown moments marked; what is not known leaves a gap."""
-    call = parse.call(entry["signal"])
+    call = string_parser.call(entry["signal"])
     facts = Relations(Signals(episode))
     if call.name in RELATIONS:
         truth = facts.get(call.name, call.args)

@@ -16,7 +16,7 @@ from tally import Tally
 
 from safestage_eval.episode import Episode
 from safestage_eval.rules import RuleSet
-from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.verdicts.judging import Judge
 
 FILE = "robolab/core/metrics/trajectory_metrics.py"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.rules import RuleSet
-from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.verdicts.judging import Judge
 from safestage_eval.verdicts.verdict import Verdict
 

@@ -30,7 +30,7 @@ from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import InputError, RuleError, TraceError
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.resolve import BY_ROLES
+from safestage_eval.rules.episode_binding import BY_ROLES
 
 from .diagnosis import Diagnosis, diagnose
 from .finding import Defect

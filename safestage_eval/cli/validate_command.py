@@ -68,7 +68,7 @@ def command(ctx: click.Context, traces: tuple[str, ...], by: RuleChoice) -> None
 def _warnings(ref: EpisodeRef, rules: RuleSet, bind: BindFile | None) -> list[str]:
     """Warnings for a sound episode: reasons why its assigned rules cannot be judged."""
     from safestage_eval.errors import RuleError
-    from safestage_eval.rules.resolve import bind_episode
+    from safestage_eval.rules.episode_binding import bind_episode
 
     try:
         return bind_episode(rules, ref.open().header, bind=bind).warnings()

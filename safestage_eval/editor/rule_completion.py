@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
-from safestage_eval.rules import parse
+from safestage_eval.rules import string_parser
 from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.rules.files import benchmark_names, builtin_names
 from safestage_eval.rules.keys import REPEATED, TABLES, TOP
@@ -52,7 +52,7 @@ class Completion:
     replaces: int = 0
 
 
-_QUANTITY = re.compile(rf"(?:^|[\s(\[<>=-]){parse.NUMBER} ?([A-Za-z%][\w/^]*(?: [ms]?)?)?$")
+_QUANTITY = re.compile(rf"(?:^|[\s(\[<>=-]){string_parser.NUMBER} ?([A-Za-z%][\w/^]*(?: [ms]?)?)?$")
 _IN_CALL = re.compile(r"([a-z][a-z0-9_]*)\([^()]*$")
 _WORD = re.compile(r"[A-Za-z_][\w-]*$")
 _CONDITIONS = ("condition", "alternative", "alternatives")
@@ -207,11 +207,13 @@ def _of_role(slot: Slot, before: str, known: KnownNames, place: Place) -> Iterat
         others = dict.fromkeys((*place.keys, *known.roles_of(slot.owner)))
         yield from (Offer(role, "role") for role in others if role != slot.name)
     elif before:
-        yield from (Offer(kind, "word", "kind of body") for kind in parse.ROLE_KINDS)
+        yield from (Offer(kind, "word", "kind of body") for kind in string_parser.ROLE_KINDS)
         yield from _words("named", "unnamed", "tagged", "except")
     else:
-        yield from (Offer(kind, "word", "one body") for kind in parse.ROLE_KINDS)
-        yield from (Offer(f"every {kind}", "word", "each body") for kind in parse.ROLE_KINDS)
+        yield from (Offer(kind, "word", "one body") for kind in string_parser.ROLE_KINDS)
+        yield from (
+            Offer(f"every {kind}", "word", "each body") for kind in string_parser.ROLE_KINDS
+        )
 
 
 def _of_sentence(slot: Slot, known: KnownNames) -> Iterator[Offer]:

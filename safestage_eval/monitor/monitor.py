@@ -13,8 +13,8 @@ from safestage_eval.evidence.growing_store import GrowingStore
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.rules.load import load_rules
-from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.look_ahead import Foresight, Look, latest

@@ -3,10 +3,10 @@
 from .bind_file import BindFile, bind_names, bind_tables, find_bind, load_bind, load_binding
 from .diagnostic import Diagnostic, RuleErrors
 from .digest import rule_digest
+from .episode_binding import Binding, bind_episode
 from .files import benchmark_names, builtin_names
 from .load import check_rules, load_rules
 from .overrides import parse_overrides, parse_settings
-from .resolve import Binding, bind_episode
 from .syntax import GoalDef, Rule, RuleSet
 
 __all__ = [

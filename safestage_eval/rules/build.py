@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from . import parse
+from . import string_parser
 from . import syntax as ast
 from .clauses import CLAUSES, ClauseSpec
 from .keys import TABLES
@@ -19,7 +19,7 @@ Table = Mapping[str, Any]
 class Builder:
     """Turns tables into syntax, given the names that are declared as phases.
 
-    Raises ``parse.GrammarError`` for what is not in the grammar; ``check`` finds all such places
+    Raises ``string_parser.GrammarError`` for what is not in the grammar; ``check`` finds all such places
     beforehand, with their lines.
     """
 
@@ -33,25 +33,25 @@ class Builder:
 
     def alternative(self, value: str | Table) -> ast.Alternative:
         """A string is an event, a table a condition."""
-        return parse.event(value) if isinstance(value, str) else self.condition(value)
+        return string_parser.event(value) if isinstance(value, str) else self.condition(value)
 
     def _atom(self, key: str, value: Any) -> ast.Atom:
         if key == "any":
             return ast.AnyOf(tuple(self.alternative(item) for item in value))
-        of_states = parse.of_states(key)
+        of_states = string_parser.of_states(key)
         if of_states is not None:
             return replace(of_states, want=of_states.want == value)
-        call, since = parse.atom_key(key)
+        call, since = string_parser.atom_key(key)
         if isinstance(value, bool):
             return ast.StateAtom(call, value)
-        if isinstance(value, str) and (counted := parse.count(value)):
+        if isinstance(value, str) and (counted := string_parser.count(value)):
             return ast.CountAtom(call, *counted)
         limits = value if isinstance(value, list) else [value]
-        return ast.SignalAtom(call, tuple(parse.limit(item) for item in limits), since)
+        return ast.SignalAtom(call, tuple(string_parser.limit(item) for item in limits), since)
 
     def span(self, text: str) -> ast.Span:
         """A span, with phases recognised."""
-        return self._resolved(parse.span(text))
+        return self._resolved(string_parser.span(text))
 
     def _resolved(self, span: ast.Span) -> ast.Span:
         match span:
@@ -71,7 +71,7 @@ class Builder:
             self.condition(table["when"]),
             _duration(table, "for"),
             _duration(table, "gap"),
-            parse.event(table["until"]) if "until" in table else None,
+            string_parser.event(table["until"]) if "until" in table else None,
             self.condition(table["fallback"]) if "fallback" in table else None,
             self.condition(table["perhaps"]) if "perhaps" in table else None,
             table.get("explain", ""),
@@ -103,7 +103,9 @@ class Builder:
         return ast.Cost(
             **self._shared(table, path, line),
             charge=tuple(self._charge(item) for item in table["charge"]),
-            budget=parse.limit(f"<= {table['budget']}").value if "budget" in table else None,
+            budget=string_parser.limit(f"<= {table['budget']}").value
+            if "budget" in table
+            else None,
         )
 
     def _shared(self, table: Table, path: str, line: int) -> dict[str, Any]:
@@ -116,8 +118,8 @@ class Builder:
             "roles": _roles(table),
             "given": self.condition(table["given"]) if "given" in table else None,
             "during": self.span(table["during"]) if "during" in table else None,
-            "at": parse.event(table["at"]) if "at" in table else None,
-            "until": parse.event(table["until"]) if "until" in table else None,
+            "at": string_parser.event(table["at"]) if "at" in table else None,
+            "until": string_parser.event(table["until"]) if "until" in table else None,
             "severity": tuple((name, settings(values)) for name, values in levels.items()),
             "set": settings(table.get("set", {})),
             "why": table.get("why", ""),
@@ -142,7 +144,7 @@ class Builder:
             float(table["add"]),
             table["per"],
             self.alternative(table["when"]) if "when" in table else None,
-            parse.call(table["of"]) if "of" in table else None,
+            string_parser.call(table["of"]) if "of" in table else None,
             _value(table, "above"),
             _value(table, "below"),
             table.get("whole") or None,
@@ -155,7 +157,8 @@ def derived(name: str, table: Table, dimension: str) -> ast.DerivedDef:
     assert operation is not None
     given, of_state = operands_of(table), OPERATIONS[operation].of_state
     operands: tuple[ast.Operand, ...] = tuple(
-        ast.StateAtom(parse.call(one), True) if of_state else parse.operand(one) for one in given
+        ast.StateAtom(string_parser.call(one), True) if of_state else string_parser.operand(one)
+        for one in given
     )
     over = _duration(table, "over")
     return ast.DerivedDef(name, tuple(table.get("of", ())), operation, operands, dimension, over)
@@ -184,16 +187,16 @@ def task(name: str, table: Table) -> ast.TaskDef:
 
 def settings(table: Table) -> tuple[tuple[str, ast.Setting], ...]:
     """Parameter values, in the order written."""
-    return tuple((name, parse.setting(value)) for name, value in table.items())
+    return tuple((name, string_parser.setting(value)) for name, value in table.items())
 
 
 def _roles(table: Table) -> tuple[tuple[str, ast.RoleSpec], ...]:
-    return tuple((name, parse.role(text)) for name, text in table.get("roles", {}).items())
+    return tuple((name, string_parser.role(text)) for name, text in table.get("roles", {}).items())
 
 
 def _value(table: Table, key: str) -> ast.Value | None:
-    return parse.limit(f"> {table[key]}").value if key in table else None
+    return string_parser.limit(f"> {table[key]}").value if key in table else None
 
 
 def _duration(table: Table, key: str) -> ast.Duration | ast.Parameter | None:
-    return parse.duration(table[key]) if key in table else None
+    return string_parser.duration(table[key]) if key in table else None

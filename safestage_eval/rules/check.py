@@ -9,7 +9,7 @@ from typing import Any
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
-from . import parse, structure
+from . import string_parser, structure
 from . import syntax as ast
 from .coherence import Coherence
 from .condition_checks import Usage
@@ -102,7 +102,7 @@ class _FileChecker(Obligations):
             return
         scope = self.scope(("baseline", ""), "[baseline]", ())
         self.usage.span(good["span"], keys, scope)
-        span = self.usage.parsed("R304", keys, parse.span, good["span"])
+        span = self.usage.parsed("R304", keys, string_parser.span, good["span"])
         if span is not None and not (
             isinstance(span, ast.Part)
             and span.which == "first"
@@ -222,7 +222,7 @@ class _FileChecker(Obligations):
 
     def _state_operand(self, value: Any, keys: Keys, scope: Scope) -> bool:
         """Whether it is a state; what is wrong with it is reported."""
-        call = self.usage.parsed("R307", keys, parse.call, str(value))
+        call = self.usage.parsed("R307", keys, string_parser.call, str(value))
         if call is None:
             scope.unreadable()
             return False
@@ -237,7 +237,7 @@ class _FileChecker(Obligations):
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             usage.report("R416", keys, "this is no operand", '"speed(a)", "2 cm", 0.5, a parameter')
             return False
-        operand = usage.parsed("R416", keys, parse.operand, value)
+        operand = usage.parsed("R416", keys, string_parser.operand, value)
         if operand is None:
             scope.unreadable()
         if isinstance(operand, ast.Parameter):

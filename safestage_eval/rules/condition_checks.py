@@ -7,7 +7,7 @@ from typing import Any
 
 from safestage_eval.signals import SIGNALS
 
-from . import parse
+from . import string_parser
 from . import syntax as ast
 from .locate import Keys
 from .names import Near, a_dimension
@@ -77,7 +77,7 @@ class Usage(References):
             else:
                 self._of_states(of_states, value, keys, scope)
             return
-        atom = self.parsed("R307", keys, parse.atom_key, key, key=True)
+        atom = self.parsed("R307", keys, string_parser.atom_key, key, key=True)
         if atom is None:
             scope.unreadable()
             return
@@ -123,7 +123,7 @@ class Usage(References):
                     f'">= …" with {a_dimension(spec.dimension)}, or a list of limits',
                 )  # fmt: skip
                 continue
-            limit = self.parsed("R301", at, parse.limit, item)
+            limit = self.parsed("R301", at, string_parser.limit, item)
             if limit is not None:
                 self.limit_value(limit.value, spec.dimension, f"{call.name}()", at, scope)
 
@@ -147,7 +147,7 @@ class Usage(References):
             )
         if isinstance(value, bool):
             return
-        counted = parse.count(value) if isinstance(value, str) else None
+        counted = string_parser.count(value) if isinstance(value, str) else None
         if counted is None:
             self.report(
                 "R405", keys, f"{call.name}() is a state, not a signal: {literal(value)} does not fit",
@@ -168,10 +168,10 @@ class Usage(References):
 
 
 def _of_states(key: str) -> ast.PastAtom | ast.PairAtom:
-    """See ``parse.of_states``. Raises GrammarError."""
-    atom = parse.of_states(key)
+    """See ``string_parser.of_states``. Raises GrammarError."""
+    atom = string_parser.of_states(key)
     if atom is None:
-        raise parse.GrammarError(
+        raise string_parser.GrammarError(
             f"{key!r} does not say of which states, and when",
             "once[DUR, DUR] state(role, …), always[DUR, DUR] state(…), "
             "state(…) since[DUR, DUR] state(…), state(…) iff state(…), state(…) xor state(…)",

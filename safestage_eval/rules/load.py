@@ -9,7 +9,7 @@ from typing import Any
 
 from safestage_eval.evidence.declare import Signal
 
-from . import build, parse
+from . import build, string_parser
 from . import syntax as ast
 from .check import check
 from .diagnostic import Diagnostic, RuleErrors
@@ -90,9 +90,9 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
         name="+".join(head["name"] for head in heads),
         version="+".join(dict.fromkeys(str(head["version"]) for head in heads)),
         baseline=builder.span(baseline),
-        params={name: parse.setting(value) for name, value in tables["param"].items()},
+        params={name: string_parser.setting(value) for name, value in tables["param"].items()},
         materials={
-            name: {column: parse.quantity(value) for column, value in row.items()}
+            name: {column: string_parser.quantity(value) for column, value in row.items()}
             for name, row in {"default": {}, **tables["material"]}.items()
         },
         signals={

@@ -11,7 +11,7 @@ from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, an
 
-from . import parse
+from . import string_parser
 from . import syntax as ast
 from .operations import OPERATIONS, DimensionError, Operation, dimension_of_result
 
@@ -123,8 +123,8 @@ class Names:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             return None
         try:
-            operand = parse.operand(value)
-        except parse.GrammarError:
+            operand = string_parser.operand(value)
+        except string_parser.GrammarError:
             return None
         if isinstance(operand, ast.SignalAtom):
             if operand.call.name in self.derived:
@@ -224,8 +224,8 @@ def _dimension(value: Any) -> str | None:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         return None
     try:
-        return dimension_of(parse.setting(value))
-    except parse.GrammarError:
+        return dimension_of(string_parser.setting(value))
+    except string_parser.GrammarError:
         return None
 
 

@@ -6,7 +6,7 @@ import string
 from collections.abc import Iterable
 from typing import Any
 
-from . import parse, structure
+from . import string_parser, structure
 from .clauses import CLAUSES
 from .condition_checks import Usage
 from .keys import TABLES
@@ -43,7 +43,7 @@ class Obligations:
             if not isinstance(text, str):
                 self.usage.report("R203", at, "a role is said in text", '"object", "every object"')
                 continue
-            spec = self.usage.parsed("R305", at, parse.role, text)
+            spec = self.usage.parsed("R305", at, string_parser.role, text)
             if spec is not None:
                 scope.kinds[name] = spec.kind
             for other in spec.excluding if spec is not None else ():
@@ -206,7 +206,7 @@ class Obligations:
         if "when" in table:
             usage.alternative(table["when"], (*keys, "when"), scope)
         if "of" in table:
-            call = usage.parsed("R307", (*keys, "of"), parse.call, table["of"])
+            call = usage.parsed("R307", (*keys, "of"), string_parser.call, table["of"])
             if call is not None:
                 if usage.call(call, (*keys, "of"), scope) == "state":
                     usage.report(
@@ -229,7 +229,9 @@ class Obligations:
         allowed = [*scope.roles, *words, *states]
         for name in fields:
             if name.startswith("next."):
-                call = self.usage.parsed("R209", keys, parse.call, name.removeprefix("next."))
+                call = self.usage.parsed(
+                    "R209", keys, string_parser.call, name.removeprefix("next.")
+                )
                 if call is not None and self.usage.call(call, keys, scope) == "signal":
                     self.usage.report(
                         "R209", keys, f"{call.name}() is a signal, and has no start", "a state"

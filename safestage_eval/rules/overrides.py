@@ -8,7 +8,7 @@ from typing import Any
 
 from safestage_eval.errors import RuleError, did_you_mean
 
-from . import parse
+from . import string_parser
 from . import syntax as ast
 from .names import a_dimension, dimension_of
 
@@ -22,7 +22,7 @@ def parse_settings(settings: Sequence[str]) -> dict[str, str]:
     values = {}
     for text in settings:
         name, equals, value = (part.strip() for part in text.partition("="))
-        if not equals or not value or not re.fullmatch(parse.NAME, name):
+        if not equals or not value or not re.fullmatch(string_parser.NAME, name):
             raise RuleError(f"--set {text}", "not a setting.", 'name=value: --set edge="3 cm"')
         values[name] = value
     return values
@@ -51,8 +51,8 @@ def setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> ast.Setting
     wanted = dimension_of(rules.params[name])
     allowed = f"{a_dimension(wanted)}; its default is {rules.params[name].text}"
     try:
-        value = parse.setting(text)
-    except parse.GrammarError as problem:
+        value = string_parser.setting(text)
+    except string_parser.GrammarError as problem:
         raise RuleError(where, f"{problem.what}.", allowed) from None
     given = dimension_of(value)
     if wanted != given:

@@ -12,7 +12,7 @@ from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.units import an
 
-from . import parse
+from . import string_parser
 from . import syntax as ast
 from .diagnostic import Diagnostic
 from .files import RuleFile
@@ -90,7 +90,7 @@ class References:
         """A string parsed by ``parse``; None, with a problem reported, if it is not in the grammar."""
         try:
             return read(text)
-        except parse.GrammarError as error:
+        except string_parser.GrammarError as error:
             self.report(code, keys, error.what, error.allowed, key=key)
             return None
 
@@ -232,7 +232,7 @@ class References:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             self.report("R306", keys, f"{literal(value)} is not a quantity", '"8 cm", "0.5 s", 0.5')
             return None
-        return self.parsed("R306", keys, parse.setting, value)
+        return self.parsed("R306", keys, string_parser.setting, value)
 
     def limit_value(
         self, value: ast.Value, dimension: str, of: str, keys: Keys, scope: Scope
@@ -267,7 +267,7 @@ class References:
 
     def budget(self, value: Any, keys: Keys, scope: Scope) -> None:
         """Check a budget: a plain number that is not negative."""
-        limit = self.parsed("R301", keys, parse.limit, f"<= {value}")
+        limit = self.parsed("R301", keys, string_parser.limit, f"<= {value}")
         if limit is None:
             return
         self.limit_value(limit.value, "ratio", "a cost", keys, scope)
@@ -279,7 +279,7 @@ class References:
     def above(self, call: ast.Call, value: Any, keys: Keys, scope: Scope) -> None:
         """Check the ``above`` or ``below`` of a charge."""
         spec = self.names.signal(call.name)
-        limit = self.parsed("R301", keys, parse.limit, f"> {value}")
+        limit = self.parsed("R301", keys, string_parser.limit, f"> {value}")
         if limit is not None and spec is not None:
             self.limit_value(limit.value, spec.dimension, f"{call.name}()", keys, scope)
 
@@ -287,7 +287,7 @@ class References:
 
     def event(self, text: str, keys: Keys, scope: Scope) -> None:
         """A moment, or the frames of a state."""
-        parsed = self.parsed("R303", keys, parse.event, text)
+        parsed = self.parsed("R303", keys, string_parser.event, text)
         if parsed is None:
             scope.unreadable()
         else:
@@ -309,13 +309,13 @@ class References:
 
     def lasting(self, text: str, keys: Keys, scope: Scope) -> None:
         """A duration, or a parameter that holds one."""
-        lasting = self.parsed("R302", keys, parse.duration, text)
+        lasting = self.parsed("R302", keys, string_parser.duration, text)
         if isinstance(lasting, ast.Parameter):
             self._lasting(lasting, keys, scope)
 
     def option_time(self, text: str, keys: Keys, scope: Scope) -> None:
         """The time of a signal's option, if it is a parameter."""
-        if re.fullmatch(parse.NAME, text):
+        if re.fullmatch(string_parser.NAME, text):
             self._lasting(ast.Parameter(text), keys, scope)
 
     def _lasting(self, lasting: ast.Duration | ast.Parameter, keys: Keys, scope: Scope) -> None:
@@ -329,7 +329,7 @@ class References:
 
     def span(self, text: str, keys: Keys, scope: Scope) -> None:
         """A stretch of frames."""
-        parsed = self.parsed("R304", keys, parse.span, text)
+        parsed = self.parsed("R304", keys, string_parser.span, text)
         if parsed is None:
             scope.unreadable()
         else:

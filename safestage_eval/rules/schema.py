@@ -17,27 +17,29 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
-from . import parse, structure
+from . import string_parser, structure
 from .clauses import CLAUSES
 from .keys import IN_BIND, NAMED, REPEATED, TABLES, Key
 from .operations import OPERATIONS, OperationSpec
 
 FILE = "rules.schema.json"
 
-_NAME = parse.NAME
+_NAME = string_parser.NAME
 _SPAN_BASE = (
-    f"(?:episode|{_NAME}|{parse.CALL}|{parse.DURATION} (?:before|after) {parse.EVENT}"
-    f"|from {parse.EVENT} to {parse.EVENT})"
+    f"(?:episode|{_NAME}|{string_parser.CALL}|{string_parser.DURATION} (?:before|after) {string_parser.EVENT}"
+    f"|from {string_parser.EVENT} to {string_parser.EVENT})"
 )
-_SPAN = f"(?:(?:first|last) {parse.DURATION} of )*{_SPAN_BASE}(?: while {parse.CALL})*"
+_SPAN = (
+    f"(?:(?:first|last) {string_parser.DURATION} of )*{_SPAN_BASE}(?: while {string_parser.CALL})*"
+)
 _ROLE = (
-    f"(?:(?:every )?(?:{'|'.join(parse.ROLE_KINDS)})"
-    f"|every (?:{'|'.join(parse.ROLE_KINDS)}) (?:un)?named)(?: tagged {_NAME})?"
+    f"(?:(?:every )?(?:{'|'.join(string_parser.ROLE_KINDS)})"
+    f"|every (?:{'|'.join(string_parser.ROLE_KINDS)}) (?:un)?named)(?: tagged {_NAME})?"
     f"(?: except {_NAME}(?:, *{_NAME})*)?"
 )
 _COUNT = rf"at (?:least|most) \d+ {_NAME}"
 _REFERENCE = rf"-?{_NAME}(?:\({_NAME}\))?"
-_ANY_QUANTITY = f"-?{parse.NUMBER}(?: ?(?:{parse.UNIT}))?"
+_ANY_QUANTITY = f"-?{string_parser.NUMBER}(?: ?(?:{string_parser.UNIT}))?"
 _LIMIT = f"(?:>=|<=|>|<) ?(?:{_ANY_QUANTITY}|{_REFERENCE})"
 
 
@@ -122,15 +124,15 @@ def _options(spec: Signal) -> dict[str, Any]:
 def _option(option: Option) -> dict[str, Any]:
     match option.kind:
         case "time":
-            units = "|".join(parse.TIME_UNITS)
-            text = rf"{parse.NUMBER} (?:{units})|\d+ {parse.FRAMES} @ {parse.NUMBER} Hz"
+            units = "|".join(string_parser.TIME_UNITS)
+            text = rf"{string_parser.NUMBER} (?:{units})|\d+ {string_parser.FRAMES} @ {string_parser.NUMBER} Hz"
             return _text(f"{text}|{_NAME}" if option.param else text)
         case "length":
-            return _text(f"{parse.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})")
+            return _text(f"{string_parser.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})")
         case "channel":
             return _text(_NAME)
         case "box":
-            length = f"-?{parse.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})"
+            length = f"-?{string_parser.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})"
             corner = {**_list(_text(length)), "minItems": 3, "maxItems": 3}
             return {**_list(corner), "minItems": 2, "maxItems": 2}
     return {"enum": list(option.choices or (*UNIT_DIMENSION, "1"))}
@@ -158,15 +160,15 @@ def _key(key: Key) -> dict[str, Any]:
         case "alternatives":
             one = {"$ref": "#/definitions/alternative"}
             lone = {"allOf": [{"$ref": "#/definitions/condition"}, {"maxProperties": 1}]}
-            return {"anyOf": [_text(parse.EVENT), lone, _list(one)]}
+            return {"anyOf": [_text(string_parser.EVENT), lone, _list(one)]}
         case "span":
             return _text(_SPAN)
         case "event":
-            return _text(parse.EVENT)
+            return _text(string_parser.EVENT)
         case "duration":
-            return _text(parse.DURATION)
+            return _text(string_parser.DURATION)
         case "call":
-            return _text(parse.CALL)
+            return _text(string_parser.CALL)
         case "roles":
             return _mapping(names, _text(_ROLE))
         case "players":
@@ -197,9 +199,9 @@ def _key(key: Key) -> dict[str, Any]:
 def _operands(operation: OperationSpec) -> dict[str, Any]:
     """A list of signals and constants, or just one signal; of ``holds`` a state."""
     if operation.of_state:
-        return _text(parse.CALL)
-    since = f"(?: since {parse.EVENT})?"
-    one = _text(f"(?:{parse.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
+        return _text(string_parser.CALL)
+    since = f"(?: since {string_parser.EVENT})?"
+    one = _text(f"(?:{string_parser.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
     several = _list({"anyOf": [{"type": "number"}, one]})
     several |= {"minItems": operation.least, "maxItems": operation.most}
     return {"anyOf": [one, several]} if operation.least == 1 else several
@@ -210,7 +212,7 @@ def _condition(nested: str | None) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     for spec in SIGNALS.values():
         limit = _text(_limit_of(spec))
-        since = f"(?: since {parse.EVENT})?" if spec.since else ""
+        since = f"(?: since {string_parser.EVENT})?" if spec.since else ""
         if any(option.required and option.name != spec.named for option in spec.options):
             continue  # only variants of it can be used
         for arity in spec.arities:
@@ -223,14 +225,14 @@ def _condition(nested: str | None) -> dict[str, Any]:
             "anyOf": [{"type": "boolean"}, _text(_COUNT)],
             "description": relation.meaning,
         }
-    bounds = rf"\[{parse.DURATION}(?:, *{parse.DURATION})?\]"
+    bounds = rf"\[{string_parser.DURATION}(?:, *{string_parser.DURATION})?\]"
     of_states = (
-        f"(?:once|always)(?:{bounds})? {parse.CALL}|{parse.CALL} since{bounds} {parse.CALL}"
-        f"|{parse.CALL} (?:iff|xor) {parse.CALL}"
+        f"(?:once|always)(?:{bounds})? {string_parser.CALL}|{string_parser.CALL} since{bounds} {string_parser.CALL}"
+        f"|{string_parser.CALL} (?:iff|xor) {string_parser.CALL}"
     )
     entries[f"^(?:{of_states})$"] = {"type": "boolean"}
     built_in = "|".join([*SIGNALS, *RELATIONS])
-    entries[rf"^(?!(?:{built_in})\(){parse.CALL}(?: since {parse.EVENT})?$"] = {
+    entries[rf"^(?!(?:{built_in})\(){string_parser.CALL}(?: since {string_parser.EVENT})?$"] = {
         "anyOf": [{"type": "boolean"}, _text(_COUNT), _text(_LIMIT), _list(_text(_LIMIT))]
     }
     properties = {} if nested is None else {"any": _list({"$ref": f"#/definitions/{nested}"})}
@@ -244,7 +246,7 @@ def _condition(nested: str | None) -> dict[str, Any]:
 
 
 def _alternative(condition: str) -> dict[str, Any]:
-    return {"anyOf": [_text(parse.EVENT), {"$ref": f"#/definitions/{condition}"}]}
+    return {"anyOf": [_text(string_parser.EVENT), {"$ref": f"#/definitions/{condition}"}]}
 
 
 def _limit_of(spec: Signal) -> str:
@@ -256,7 +258,7 @@ def _limit_of(spec: Signal) -> str:
         unit = f"(?:{unit})?"
     if spec.dimension == "number":
         unit = ""
-    return f"(?:>=|<=|>|<) ?(?:-?{parse.NUMBER}{unit}|{_REFERENCE})"
+    return f"(?:>=|<=|>|<) ?(?:-?{string_parser.NUMBER}{unit}|{_REFERENCE})"
 
 
 def _call(name: str, arity: int) -> str:
@@ -264,7 +266,7 @@ def _call(name: str, arity: int) -> str:
 
 
 def _setting() -> dict[str, Any]:
-    frames = rf"{parse.NUMBER} {parse.FRAMES}(?: @ {parse.NUMBER} Hz)?"
+    frames = rf"{string_parser.NUMBER} {string_parser.FRAMES}(?: @ {string_parser.NUMBER} Hz)?"
     return {"anyOf": [{"type": "number"}, _text(f"(?:{_ANY_QUANTITY}|{frames})")]}
 
 

@@ -10,7 +10,7 @@ from safestage_eval.evidence.declare import Option, OptionValue
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import UNIT_DIMENSION
 
-from . import parse
+from . import string_parser
 from . import syntax as ast
 
 
@@ -24,16 +24,16 @@ def read_option(spec: Option, value: Any) -> OptionValue | ast.Parameter:
         case "box":
             return _box(spec, value)
         case "channel":
-            if isinstance(value, str) and re.fullmatch(parse.NAME, value):
+            if isinstance(value, str) and re.fullmatch(string_parser.NAME, value):
                 return value
-            raise parse.GrammarError(
+            raise string_parser.GrammarError(
                 f"{value!r} cannot be the name of a channel",
                 "a small letter, then small letters, digits and underscores",
             )
     choices = spec.choices or (*UNIT_DIMENSION, "1")
     if isinstance(value, str) and value in choices:
         return value
-    raise parse.GrammarError(f'"{spec.name}" cannot be {value!r}', ", ".join(choices))
+    raise string_parser.GrammarError(f'"{spec.name}" cannot be {value!r}', ", ".join(choices))
 
 
 def read_options(table: Mapping[str, Any]) -> ast.SignalOptions:
@@ -48,38 +48,38 @@ def read_options(table: Mapping[str, Any]) -> ast.SignalOptions:
 
 
 def _time(spec: Option, value: Any) -> float | ast.Parameter:
-    lasting = parse.duration(value) if isinstance(value, str) else None
+    lasting = string_parser.duration(value) if isinstance(value, str) else None
     if spec.param and isinstance(lasting, ast.Parameter):
         return lasting
     if isinstance(lasting, ast.Duration) and not lasting.frames and lasting.amount > 0:
         return lasting.amount
-    raise parse.GrammarError(
+    raise string_parser.GrammarError(
         f'"{spec.name}" is a time that does not hang on the rate of the trace, not {value!r}',
         '"50 ms", "3 frames @ 120 Hz"',
     )
 
 
 def _length(spec: Option, value: Any) -> float:
-    length = parse.quantity(value) if isinstance(value, str) else None
+    length = string_parser.quantity(value) if isinstance(value, str) else None
     if length is not None and length.dimension == "length" and length.value >= 0:
         return length.value
-    raise parse.GrammarError(f'"{spec.name}" is a length, not {value!r}', '"2 cm", "5 mm"')
+    raise string_parser.GrammarError(f'"{spec.name}" is a length, not {value!r}', '"2 cm", "5 mm"')
 
 
 def _box(spec: Option, value: Any) -> tuple[float, ...]:
     corners = value if isinstance(value, list | tuple) else ()
     if len(corners) != 2 or not all(isinstance(c, list | tuple) and len(c) == 3 for c in corners):
-        raise parse.GrammarError(
+        raise string_parser.GrammarError(
             f'"{spec.name}" is two corners of three lengths', '[["-50 cm", "-1 m", "0 m"], [...]]'
         )
-    lengths = [parse.quantity(x) for corner in corners for x in corner]
+    lengths = [string_parser.quantity(x) for corner in corners for x in corner]
     for length in lengths:
         if length.dimension != "length":
-            raise parse.GrammarError(f"{length.text!r} is not a length", '"50 cm", "-1 m"')
+            raise string_parser.GrammarError(f"{length.text!r} is not a length", '"50 cm", "-1 m"')
     low, high = lengths[:3], lengths[3:]
     for axis, a, b in zip("xyz", low, high, strict=True):
         if not a.value < b.value:
-            raise parse.GrammarError(
+            raise string_parser.GrammarError(
                 f"the box is empty along {axis}: from {a.text} to {b.text}",
                 "the lower corner first",
             )

@@ -6,7 +6,7 @@ import math
 import re
 from typing import Any
 
-from . import parse
+from . import string_parser
 from .condition_checks import Usage
 from .keys import IN_BIND, TABLES, Key
 from .locate import Keys
@@ -93,7 +93,7 @@ def players(usage: Usage, table: dict[str, Any], keys: Keys) -> None:
 
 def declared_name(usage: Usage, name: str, keys: Keys) -> None:
     """A name of the author's choice must be spelled as names are, and be no word of the language."""
-    if not re.fullmatch(parse.NAME, name):
+    if not re.fullmatch(string_parser.NAME, name):
         usage.report(
             "R210", keys, f'"{name}" cannot be a name',
             "a small letter, then small letters, digits and underscores", key=True,
@@ -146,7 +146,7 @@ def _texts(usage: Usage, kind: str, items: Any, keys: Keys) -> bool:
         if not isinstance(item, str):
             usage.report("R203", (*keys, index), "only text in quotes may stand in this list")
             good = False
-        elif kind == "names" and not re.fullmatch(parse.NAME, item):
+        elif kind == "names" and not re.fullmatch(string_parser.NAME, item):
             declared_name(usage, item, (*keys, index))
             good = False
     return good

@@ -13,10 +13,10 @@ from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.rules import parse
+from safestage_eval.rules import string_parser
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.rules.load import load_rules
-from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals import SIGNALS
 
 from .evaluate import Evaluator
@@ -117,8 +117,8 @@ def _parsed(
 ) -> tuple[ast.Call, tuple[str, ...], Options]:
     """The call as written, the bodies that it is about, and the options that it names."""
     try:
-        call = parse.query(expression)
-    except parse.GrammarError as problem:
+        call = string_parser.query(expression)
+    except string_parser.GrammarError as problem:
         raise InputError(expression, problem.what, problem.allowed) from None
     names = [*SIGNALS, *RELATIONS, *declared]
     if call.name not in names:

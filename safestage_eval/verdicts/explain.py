@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from safestage_eval.episode.runs import runs
-from safestage_eval.rules import parse
+from safestage_eval.rules import string_parser
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, told_apart
 
@@ -228,7 +228,7 @@ class _Template(string.Formatter):
         if field_name.startswith("t."):
             return self._onset(field_name.removeprefix("t.")), field_name
         if field_name.startswith("next."):
-            call = parse.call(field_name.removeprefix("next."))
+            call = string_parser.call(field_name.removeprefix("next."))
             return seconds(onset(self._evaluator, [call], self._env, self._after)), field_name
         return "{" + field_name + "}", field_name
 

@@ -13,8 +13,8 @@ from safestage_eval.errors import RuleError
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.rules.load import load_rules
-from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band
 from safestage_eval.states.band import F64, Bool

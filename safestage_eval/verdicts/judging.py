@@ -17,7 +17,7 @@ from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest
-from safestage_eval.rules.resolve import Binding, bind_episode
+from safestage_eval.rules.episode_binding import Binding, bind_episode
 from safestage_eval.units import format_quantity
 from safestage_eval.version import __version__
 
@@ -30,7 +30,7 @@ from .initial_state import first_frames
 from .obligations.cost import judge_cost
 from .players import combinations
 from .questions import short, verdict_question
-from .scoped_verdict import judge_with_levels
+from .severity_levels import judge_with_levels
 from .success import native_success
 from .values import UNDECLARED
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName

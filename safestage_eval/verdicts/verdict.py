@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from safestage_eval.rules.resolve import BY_ROLES
+from safestage_eval.rules.episode_binding import BY_ROLES
 
 Vacuity = Literal["no_player", "unbound", "no_instance", "not_given", "no_scope", "not_loaded"]
 """Why there was nothing to judge: a role that no body plays; a role that nothing binds; no

@@ -15,7 +15,7 @@ from safestage_eval.formats import EpisodeRef, load
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.verdict import Verdict
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.scoped_verdict import judge_scoped
+from safestage_eval.verdicts.severity_levels import judge_scoped
 from safestage_eval.verdicts.verdict import VerdictName, at_risk
 
 from .flip_lasting import Counts

@@ -15,7 +15,7 @@ from safestage_eval.rules.parts import Meaning, Part, differences, mixed
 from safestage_eval.rules.uses import calls
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import baseline_frames
-from safestage_eval.verdicts.scoped_verdict import judge_scoped
+from safestage_eval.verdicts.severity_levels import judge_scoped
 
 from .judge_again import Again
 

@@ -12,10 +12,10 @@ from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.rules.resolve import Binding, bind_episode
+from safestage_eval.rules.episode_binding import Binding, bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames
-from safestage_eval.verdicts.scoped_verdict import judge_scoped
+from safestage_eval.verdicts.severity_levels import judge_scoped
 from safestage_eval.verdicts.verdict import Verdict
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.rules import parse
+from safestage_eval.rules import string_parser
 from safestage_eval.signals import SIGNALS
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -34,7 +34,7 @@ def test_a_picture_shows_what_it_says(name: str) -> None:
     entry = TABLE[name]
     picture = (DOCS / "images" / "signals" / f"{name}.svg").read_text("utf-8")
     assert entry["signal"] in picture
-    assert parse.call(entry["signal"]).name == name
+    assert string_parser.call(entry["signal"]).name == name
     assert all(f"{time:.1f} s" in picture for time in entry["times"])
     scene = DOCS / "scenes" / f"{entry['scene']}.toml"
     assert scene.is_file()

@@ -13,7 +13,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import RuleError
 from safestage_eval.formats.save import save
 from safestage_eval.rules import bind_tables, load_rules
-from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.verdicts import EpisodeResult, judge
 
 RULES = """

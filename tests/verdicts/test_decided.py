@@ -8,7 +8,7 @@ import pytest
 from safestage_eval.episode import as_judged
 from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
-from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.verdicts.decided import is_decided
 from safestage_eval.verdicts.judging import Judge
 

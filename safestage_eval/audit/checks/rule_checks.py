@@ -12,7 +12,7 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.resolve import BY_ROLES
+from safestage_eval.rules.episode_binding import BY_ROLES
 from safestage_eval.verdicts.explain import cause_and_remedy
 from safestage_eval.verdicts.players import nodes
 

@@ -1,4 +1,4 @@
-"""The verdict of one rule with its levels of severity, and of a rule or a cost."""
+"""Verdicts of rules and costs with their levels of severity."""
 
 from __future__ import annotations
 
