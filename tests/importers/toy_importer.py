@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval._text.json_text import from_json
-from safestage_eval.episode import Body, Episode, Header, Track
+from safestage_eval.episode import Body, Episode, Track
 from safestage_eval.importers.account import Account
 from safestage_eval.importers.foreign_motion import make_track
 from safestage_eval.importers.importer import Importer, Settings, SourceError
-from safestage_eval.importers.missing_data import say_bodies, say_contacts, say_success
-from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map, need_shapes
+from safestage_eval.importers.missing_data import say_success
+from safestage_eval.importers.scene_builder import SceneBuilder
 
 FORM = '{"toy": {EPISODE: {BODY: [height in m, …]}}}'
 
@@ -61,33 +61,22 @@ class Toy(Importer):
     def read(self, name: str, account: Account) -> Episode:
         """Read one episode; see ``Importer.read``."""
         where = f"{self.path}: {name}"
-        dt = self.settings.dt or self.settings.map.source.dt
+        dt = self.settings.stated_dt
         if dt is None:
             raise SourceError(where, "the time between its rows is not recorded.", fix="--dt 1/50")
+        scene = SceneBuilder(self.settings, where, account)
         heights = _heights(self._toys[name], where)
-        meshes: dict[str, Any] = {}
-        bodies = [
-            apply_map(
-                Body(name=body, kind="object", untold=("up_axis", "cavity")),
-                self.settings.map,
-                meshes,
-            )
-            for body in heights
-        ]
-        need_shapes(bodies, where, among="toys have none")
-        still, still_tracks = fixed_from_map(set(heights), self.settings.map, meshes)
-        _remark(bodies, self.settings, account)
-        header = Header(
-            episode_id="",  # the caller's, as the source is
-            task="toy",
-            physics_dt=dt,
-            frame_dt=dt,
-            force_source="none",
-            bodies=(*bodies, *still),
-        )
-        tracks = {body: _motion(z) for body, z in heights.items()}
-        frames = len(next(iter(heights.values())))
-        return Episode(header, np.arange(frames) * dt, {**tracks, **still_tracks}, meshes=meshes)
+        for body, z in heights.items():
+            raw = Body(name=body, kind="object", untold=("up_axis", "cavity"))
+            scene.add(scene.describe(raw), _motion(z))
+        scene.need_shapes("toys have none")
+        scene.gaps.refuse()
+        say_success(account, known=False, hold=None)
+        account.guessed("orientations", "upright throughout", cost="tilt, toppled and upright")
+        account.guessed("velocities", "stored as 0; rules derive them from poses", cost="impact")
+        t = np.arange(len(next(iter(heights.values())))) * dt
+        com = "the bodies' origins"
+        return scene.episode(t, None, com=com, task="toy", physics_dt=dt, frame_dt=dt)
 
 
 def _heights(toys: Any, where: str) -> dict[str, NDArray[np.float64]]:
@@ -115,15 +104,6 @@ def _motion(z: NDArray[np.float64]) -> Track:
     zero = np.zeros_like(z)
     upright = np.tile([1.0, 0, 0, 0], (len(z), 1))
     return make_track(np.column_stack([zero, zero, z]), upright, None, None)
-
-
-def _remark(bodies: list[Body], settings: Settings, account: Account) -> None:
-    """Add what is missing, and everything that stands in for what is missing."""
-    say_bodies(account, bodies, settings.map, "the bodies' origins")
-    say_contacts(account)
-    say_success(account, known=False, hold=None)
-    account.guessed("orientations", "upright throughout", cost="tilt, toppled and upright")
-    account.guessed("velocities", "stored as 0; rules derive them from the poses", cost="impact")
 
 
 IMPORTER = Toy
