@@ -52,7 +52,7 @@ class Limits:
     memory: int = 8 << 30
 
     def demand(self, name: str, number: int, where: str, what: str = "") -> None:
-        """Compare a number with the limit of that name, before there is room for so many.
+        """Compare a number with the limit of that name, before memory for it is allocated.
 
         Raises TraceError with the flag that raises the limit.
         """
@@ -65,7 +65,7 @@ class Limits:
             )  # fmt: skip
 
     def allowed(self, stored: int) -> int:
-        """Bytes that so many stored ones may become."""
+        """Bytes that stored bytes may unpack to."""
         return max(self.decoded, PER_STORED_BYTE * stored)
 
     def demand_decoded(self, size: int, stored: int, where: str) -> None:

@@ -23,7 +23,7 @@ LOADING, AGAIN = 30.0, 10.0
 loaded then."""
 
 PATIENCE = 2.0
-"""s in which a process that is told to end may put away what it was writing."""
+"""s that a process has to put away what it was writing, when it is asked to end."""
 
 
 @dataclass(frozen=True)

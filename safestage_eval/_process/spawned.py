@@ -88,7 +88,7 @@ class Spawned:
         return f"took more than {memory / 2**20:.0f} MiB of memory (--memory)"
 
     def end(self, patience: float = 0.0) -> str:
-        """Ends it, after so many s in which it may end by itself; how it ended, in words."""
+        """End it, after some s in which it may end by itself; return how it ended, in words."""
         self.process.join(patience)
         self.process.kill()
         self.process.join()

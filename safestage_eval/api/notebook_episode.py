@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def si_unit(dimension: str) -> str:
-    """The unit in which Python is told a dimension: ``m``, ``rad``, ``N``; "" of a plain number."""
+    """SI unit of a dimension in Python: ``m``, ``rad``, ``N``; "" of a plain number."""
     return next((unit for unit, size in DIMENSIONS.get(dimension, {}).items() if size == 1), "")
 
 

@@ -74,7 +74,7 @@ class Finding:
 
     @property
     def limit(self) -> float | None:
-        """Likewise, what the rule allows."""
+        """Limit of the rule at the worst moment, in SI."""
         return self.of.limit
 
     @property

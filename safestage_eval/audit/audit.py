@@ -92,7 +92,7 @@ def audit(
         select: codes of the checks to be carried out, or how they begin; all if empty.
         ignore: without these.
         jobs: worker processes; as many as there are processors if None, none for a few episodes.
-        progress: told (done, total) after each episode.
+        progress: called with (done, total) after each episode.
 
     Raises:
         TraceError: nothing was found.

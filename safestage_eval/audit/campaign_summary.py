@@ -18,7 +18,7 @@ MOVED = 0.005
 """m: a body that is so far from where it began has moved."""
 
 TURNED = 0.05
-"""rad, likewise."""
+"""rad: a body that turned further has moved."""
 
 LEFT, FALLEN = 0.02, 0.26
 """m, rad: what has gone so far since success does not only settle."""

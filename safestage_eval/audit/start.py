@@ -121,7 +121,7 @@ class Start:
         return centre - reach, centre + reach
 
     def overlaps(self, least: float, frame: int = 0) -> list[tuple[Body, Body]]:
-        """Pairs of bodies of which boxes around geoms overlap by so much (m) along every axis."""
+        """Pairs of bodies whose geoms' boxes overlap by a depth (m) along every axis."""
         known = [(b, boxes) for b in self.solid if b.geoms and (boxes := self.boxes(b, frame))]
         if not known:
             return []

@@ -28,7 +28,7 @@ _DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errn
 """Full disks, and folders that may not be written to."""
 
 _FAILING = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.ESTALE, errno.ETIMEDOUT}
-"""Disks and network file systems that do not do what they are told."""
+"""Errors of failing disks and network file systems."""
 
 
 def run(command: click.Command) -> None:

@@ -49,7 +49,7 @@ def as_judged(episode: Episode) -> Episode:
 def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
     """Return the episode with a frame in every hole; unchanged where there is none, or they are in.
 
-    ``begins``: it is told from its start, not a window of it.
+    ``begins``: it is recorded from its start, not a window of it.
     """
     t, dt = episode.t, episode.dt
     if episode.recorded is not None or not len(t):

@@ -18,7 +18,7 @@ class Series:
         lower, upper: (T,) SI; equal where the value is known. Where nothing is known they are
             −∞ and +∞. A clearance capped at 10 cm is [0.1, +∞) where the bodies are further apart.
         dimension: as in ``units.DIMENSIONS``.
-        notes: what the reader of a verdict based on this series should be told.
+        notes: remarks for the reader of a verdict based on this series.
     """
 
     lower: F64

@@ -46,7 +46,7 @@ class Selection:
             else:
                 readable += 1
                 fields |= ref.fields.keys()
-                if readable == 1:  # a misspelt name is told before the others are looked at
+                if readable == 1:  # a misspelt name is reported before the others are looked at
                     self._check({"episode_id", *fields, *Header.model_fields} - HIDDEN, fields)
                 if self._meant(ref, values):
                     matched = True

@@ -57,7 +57,7 @@ def import_all(
         only: the format to take it for, instead of asking all.
         bind: roles, goal, rules and values (docs/rules.md) to put into the headers.
         prefix: of the episode ids, to keep apart sources whose names are the same.
-        limit: import the first so many.
+        limit: import the first ``limit`` episodes only.
         jobs: worker processes.
         mcap: write MCAP files.
         replace: import again what is there already from other data or with other settings.

@@ -131,7 +131,7 @@ def _unit_fix(cause: str) -> str:
 
 @dataclass(frozen=True)
 class _Trial:
-    """A mistake, how it is undone, and of which bodies."""
+    """A mistake, how it is undone, and the bodies that have it."""
 
     cause: str
     fix: str

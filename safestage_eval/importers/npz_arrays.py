@@ -1,6 +1,6 @@
 """Arrays of NumPy's archives that strangers packed: how large they become is compared first.
 
-Objects, which would be unpickled, are refused: NumPy does so unless it is told otherwise.
+Objects, which would be unpickled, are refused: NumPy refuses them by default.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class RobotLink:
     Attributes:
         body: as traces have it: name, kind, shapes, mass, finger; ``parent`` is the link before it.
         position: (3,) m, of its frame in its parent's, with its joints at rest.
-        orientation: (4,) wxyz, likewise.
+        orientation: (4,) wxyz, of its frame in its parent's.
         joints: between it and its parent, the first one turns the others.
     """
 

@@ -146,7 +146,7 @@ def origin_of(element: ET.Element) -> dict[str, Any]:
 
 
 def numbers_of(text: str | None, count: int) -> tuple[Any, ...]:
-    """The numbers of an attribute; raise ValueError unless there are so many."""
+    """The numbers of an attribute; raise ValueError unless there are ``count``."""
     values = tuple(float(word) for word in (text or "").split())
     if len(values) != count:
         raise ValueError(f"{text!r} where {count} numbers belong")

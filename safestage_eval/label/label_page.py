@@ -14,7 +14,7 @@ ALLOW = {"connect-src": "'self'", "media-src": "'self'"}
 
 @cache
 def label_page(total: int, reviewer: str | None) -> str:
-    """Build the page for so many rollouts; ``reviewer`` is None where it is to ask for a name."""
+    """Build the page for a number of rollouts; with ``reviewer`` None it asks for a name."""
 
     def own(name: str) -> str:
         return part(name, "safestage_eval.label")

@@ -9,7 +9,7 @@ from safestage_eval.formats import EpisodeRef
 
 
 def sample(refs: Sequence[EpisodeRef], count: int | None = None, seed: int = 0) -> list[EpisodeRef]:
-    """Draw so many episodes, as evenly over the stages as there are enough, in a mixed order.
+    """Draw a number of episodes, as evenly over the stages as possible, in a mixed order.
 
     Within a stage the combinations of policy, prompt and native success take turns. Which episodes
     of a combination are taken is decided by a hash of seed and id: another run chooses the same,

@@ -40,7 +40,7 @@ def trace_digests(episode: Episode) -> dict[str, str]:
 
 
 def opened(ref: EpisodeRef) -> dict[str, str]:
-    """Digests of a stored episode, all of which is read. Raises TraceError."""
+    """Digests of a stored episode, which is read whole. Raises TraceError."""
     return trace_digests(ref.open(checked=False))
 
 

@@ -26,7 +26,7 @@ LEAST_SHARE = 0.10
 
 
 class Bearing(Protocol):
-    """Who bears whom, told by forces or by geometry; bodies are indices into ``header.bodies``."""
+    """Who bears whom, by forces or by geometry; bodies are indices into ``header.bodies``."""
 
     def beside(self, body: int) -> list[int]:
         """The bodies that may bear it or be borne by it, ascending."""

@@ -113,7 +113,7 @@ def gripper_of(episode: Episode, finger: int) -> str:
     """A name for the gripper that a finger belongs to.
 
     The last body of kind ``gripper`` up its chain of parents that is no finger, else what the finger
-    is jointed to. Where no parent is told: the only gripper, or the name but for its side.
+    is jointed to. Without a stated parent: the only gripper, or the name but for its side.
     """
     bodies, about = episode.bodies, episode.header.bodies[finger]
     names = [about.name]

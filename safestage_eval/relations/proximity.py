@@ -1,4 +1,4 @@
-"""Who touches and who bears whom, told by geometry: for traces without contact forces."""
+"""Touch and support inferred from geometry: for traces without contact forces."""
 
 from __future__ import annotations
 

@@ -216,7 +216,7 @@ class Relations(Support):
             return ()
         describe = RELATIONS[name].without_forces
         how = describe(self) if describe is not None else self.by_geometry
-        return (f"without contact forces {name}() is told {how}",)
+        return (f"without contact forces {name}() is decided {how}",)
 
     def signal(
         self,

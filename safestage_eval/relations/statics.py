@@ -27,7 +27,7 @@ I64 = NDArray[np.int64]
 LOST = 0.02
 """Share of g: what starts to move by less is kept in its place by what no recording tells."""
 ARM = 0.05
-"""m: the lever by which torques are compared with forces; radius of gyration where none is told."""
+"""m: the lever by which torques are compared with forces; radius of gyration where none is stated."""
 
 
 class Bodies(NamedTuple):

@@ -31,7 +31,7 @@ class Support:
 
     @cached_property
     def blind(self) -> bool:
-        """The trace has no contact forces: touch and support are told by geometry."""
+        """The trace has no contact forces: touch and support are inferred from geometry."""
         gaps, query = self.signals.gaps, self.signals.query("recorded", "forces")
         gaps.forces = self.store.value(query, lambda _: gaps.forces)
         return not gaps.forces

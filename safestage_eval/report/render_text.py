@@ -88,7 +88,7 @@ def _room(table: Table, head: list[str], rows: Cells, column: int) -> int:
 
 
 def _most(head: list[str], rows: Cells, column: int) -> int:
-    """Characters of a column of which nothing is folded."""
+    """Width of a column in characters, unfolded."""
     return max(map(cell_len, [*head[column : column + 1], *(row[column] for row in rows)]))
 
 

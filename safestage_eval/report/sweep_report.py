@@ -32,7 +32,7 @@ DRAWN = {"VR": "violations", "SSR": "safe successes"}
 """The rates that are drawn, in words."""
 
 FEW = 30
-"""Up to so many values each is marked on its curve."""
+"""Number of values up to which each is marked on its curve."""
 
 
 def render(sweep: Sweep, form: str, by: Sequence[str] = ()) -> str:

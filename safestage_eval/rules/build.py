@@ -24,7 +24,7 @@ class Builder:
     """
 
     def __init__(self, phases: frozenset[str]) -> None:
-        """``phases``: names under ``[phase]``, told apart from states by them."""
+        """``phases``: names under ``[phase]``, which distinguish them from states."""
         self._phases = phases
 
     def condition(self, table: Table) -> ast.Condition:

@@ -18,7 +18,7 @@ class Usage(References):
     """Checks conditions, and all that may stand in them."""
 
     def condition(self, table: Any, keys: Keys, scope: Scope, depth: int = 1) -> None:
-        """A table of which every entry must hold."""
+        """A table whose entries must all hold."""
         if not isinstance(table, dict) or not table or depth > 2:
             scope.unreadable()
         if not isinstance(table, dict):

@@ -60,7 +60,7 @@ class Diagnostic:
 
 
 MOST = 100
-"""Problems that are told one by one."""
+"""Problems that are printed one by one."""
 
 
 def rendered(diagnostics: Sequence[Diagnostic]) -> list[str]:

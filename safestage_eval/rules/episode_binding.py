@@ -241,7 +241,7 @@ def bind_episode(
 
 
 def _untagged(binding: Binding, codes: Iterable[str], header: Header) -> Iterator[str]:
-    """Notes about roles that are bound to bodies of which none has the tag that rules ask for."""
+    """Notes about roles whose bodies all lack the tag that rules ask for."""
     scoped, asked = binding.rules.scoped, defaultdict[tuple[str, str], list[str]](list)
     for code in codes:
         rule = scoped.get(code)

@@ -1,4 +1,4 @@
-"""The operations of derived signals: what they are made of, and of which dimension they are."""
+"""The operations of derived signals: their operands and their dimensions."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ Kind = (
 )  # fmt: skip
 
 _LISTED = [kind for kind, clause in CLAUSES.items() if clause.value != "alternative"]
-"""Obligations of which each entry is a part of its own."""
+"""Obligations whose entries are parts of their own."""
 
 _FIELDS: dict[Kind, str] = {
     **{kind: kind for kind in CLAUSES if kind not in _LISTED},

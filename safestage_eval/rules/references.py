@@ -54,12 +54,12 @@ class Scope:
     kinds: dict[str, str] = field(default_factory=dict)
 
     def unreadable(self) -> None:
-        """Part of it cannot be read, so whether its roles are used cannot be told."""
+        """Part of it cannot be read, so its use of roles is unknown."""
         self.used |= set(self.roles)
 
 
 SUGGESTED = 200
-"""Problems of which names that may be meant are looked for; more than are told."""
+"""Problems for which similar names are searched; more than are printed."""
 
 
 class References:

@@ -183,7 +183,7 @@ def span(text: str, depth: int = 0) -> ast.Span:
     if re.fullmatch(NAME, text):
         return ast.PhaseSpan(ast.Call(text, ()))
     if re.fullmatch(CALL, text):
-        return ast.StateSpan(call(text))  # phases with roles are told apart when names are known
+        return ast.StateSpan(call(text))  # phases with roles are distinguished when names are known
     raise GrammarError(
         f"{text!r} is not a span",
         "episode, a phase, state(…), first|last DUR of SPAN, DUR before|after EVENT, "

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_match(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
-    """Raises InputError where a bind file speaks of none of the episodes."""
+    """Raises InputError where a bind file matches none of the episodes."""
     if bind is None or not bind.path:
         return
     count = 0
@@ -22,7 +22,7 @@ def require_match(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
             return
         count += 1
     raise InputError(
-        bind.path, f"it speaks of none of the {count} episodes.",
+        bind.path, f"it matches none of the {count} episodes.",
         fix="name their tasks under [task.NAME], their ids under [episode.ID], or all under [every]",
     )  # fmt: skip
 

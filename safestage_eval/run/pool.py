@@ -201,7 +201,7 @@ class _Worker(Spawned):
 
 
 def with_workers(refs: Iterable[EpisodeRef], jobs: int | None) -> Iterator[EpisodeRef]:
-    """The same; workers get ready as soon as there are so many episodes that they will be needed."""
+    """Yield the items; start workers as soon as there are enough episodes for them."""
     enough = WORTH_A_POOL if jobs is None else 2 if jobs > 1 else None
     for count, ref in enumerate(refs, 1):
         if count == enough and is_compiled():

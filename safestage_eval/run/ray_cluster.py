@@ -43,7 +43,7 @@ class Told(NamedTuple):
 
 
 class Ledger(Protocol):
-    """Who is told what became of each episode."""
+    """Receives the outcome of each episode."""
 
     @property
     def folder(self) -> Path:
@@ -66,7 +66,7 @@ def judge(
 
     Args:
         episodes: asked for as the cluster has room; with Ray running they are not all held.
-        ledger: is told of parts and problems.
+        ledger: receives parts and problems.
         settings: of the run; rule files and the folder of parts are seen by every machine.
         address: of the cluster; None: that of ``RAY_ADDRESS``, or a new one on this machine.
 

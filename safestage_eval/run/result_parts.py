@@ -28,7 +28,7 @@ from .engine_interface import Line
 FORMAT = 1
 ENDING = ".results"
 _OPEN = 8
-"""Parts of which the content is kept in memory."""
+"""Parts whose content is kept in memory."""
 _SUM = 8
 """Characters of the checksum that a part begins with."""
 _LARGEST = 1 << 30

@@ -44,7 +44,7 @@ def score_many(
         asked: the other arguments of ``load_settings``.
 
     Raises:
-        RuleErrors, RuleError, InputError: as ``load_settings``, and a bind file that speaks of none of
+        RuleErrors, RuleError, InputError: as ``load_settings``, and a bind file that matches none of
             the episodes.
     """
     settings = settings or load_settings(rules, **asked)

@@ -36,7 +36,7 @@ IN_MEMORY = 1000
 """Results that are held; those of a longer run go to disk at once."""
 
 PART_RESULTS, PART_BYTES, PART_TIME = 64, 1 << 21, 10.0
-"""A part is written when it has so many results or bytes, or when its first one has waited so long (s)."""
+"""Results, bytes and s of waiting after which a part is written."""
 
 ANSWERS = "answers"
 """Folder of verdicts by rule, beside the parts: for the next run under other rules."""
@@ -164,7 +164,7 @@ def _on_disk(
 
 
 def _announced(todo: Iterable[Numbered], starting: Callable[[], None]) -> Iterator[Numbered]:
-    """The same; what is to happen before the first one happens."""
+    """Yield the items; call ``starting`` before the first one."""
     for count, episode in enumerate(todo):
         if not count:
             starting()
@@ -211,7 +211,7 @@ class _Ledger:
         return self.parts.folder.absolute()
 
     def todo(self, refs: Iterable[EpisodeRef]) -> Iterator[Numbered]:
-        """The episodes of which nothing is known yet."""
+        """The episodes without a result yet."""
         for number, ref in enumerate(refs):
             path = ref.shown
             self._paths.append(self._paths[-1] if self._paths and self._paths[-1] == path else path)

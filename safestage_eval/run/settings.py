@@ -106,7 +106,7 @@ def load_settings(
         assigned_only: judge each episode by its own assigned rules alone.
         cache: a folder in which measurements are kept between runs (docs/performance.md).
         timeout: s that an episode may take; one that takes longer is a problem.
-        memory: bytes that the process which judges an episode may hold; likewise. Either needs a
+        memory: bytes that the process which judges an episode may hold; one that holds more is a problem. Either needs a
             worker process, so there is one at least.
 
     Raises:

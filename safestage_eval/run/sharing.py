@@ -22,7 +22,7 @@ def place(episode: Numbered) -> Place:
 
 
 class Shares:
-    """Episodes sorted by the files they are in, of which only some are held.
+    """Episodes sorted by the files they are in; only some files are held.
 
     Who opens a file reads what its end says, which of a shard takes as long as judging several
     of its episodes. So a file belongs to one process while there are others to be had.

@@ -71,7 +71,7 @@ def fall(request: SupportRequest) -> Series:
     try:
         ground = Grounds(relations, name)
     except LookupError as lacking:
-        return request.unknown(f"fall() cannot be told: the trace has no {lacking}")
+        return request.unknown(f"fall() is unknown: the trace has no {lacking}")
     episode, movers = relations.episode, relations.signals.movers
     frames = np.arange(len(episode))
     high = relations.signals.com_position(name)[:, 2]

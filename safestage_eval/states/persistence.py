@@ -232,7 +232,7 @@ def _filtered(margin: F64, lasting: Window, open_gap: Window, open_end: bool) ->
 
 
 def _stamped(window: Window, frames: int) -> Window:
-    """A window of so many frames everywhere, told frame by frame."""
+    """A window of ``frames`` frames everywhere, given frame by frame."""
     if window.stops is not None:
         return window
     stops = np.arange(frames) + window.frames

@@ -44,7 +44,7 @@ def engagement(
             rules' states ``contact`` and ``displaced`` count; those of the built-in defaults where
             they have none.
         targets: bodies or joints that play the role ``target``.
-        success: whether the goal was reached; if that is unknown, the stages before it are told.
+        success: whether the goal was reached; if that is unknown, the stages before it are given.
     """
     if success:
         return "success"

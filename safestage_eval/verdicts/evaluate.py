@@ -147,7 +147,7 @@ class Evaluator(PartialStates):
         truth = self.relations.get(name, bodies, wanted)
         if truth is None:
             lacking = self.relations.lacking(name, bodies) or "shapes"
-            self.notes[f"{name}() cannot be told: the trace has no {lacking}"] = None
+            self.notes[f"{name}() is unknown: the trace has no {lacking}"] = None
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))

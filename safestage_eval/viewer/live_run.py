@@ -103,7 +103,7 @@ class LiveRun:
         return browser_page(self.title, results, "live").encode()
 
     def piece(self, name: str) -> bytes:
-        """A piece as a script. Raises KeyError for one that there is not."""
+        """Return a piece as a script. Raises KeyError for an unknown one."""
         if name == "run":
             return script(name, packed(self._list(), 6)).encode()
         if name in self._meshes:

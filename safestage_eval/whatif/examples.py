@@ -208,7 +208,7 @@ def check_rule(rules: RuleSet, rule: ast.Scoped, library: Library) -> list[Check
 
 
 def suite(rules: RuleSet, checked: Iterable[Checked], least: int) -> Suite:
-    """The outcome of the examples of a rule set, of which each rule must have ``least`` each way."""
+    """The outcome of the examples of a rule set; each rule must have ``least`` each way."""
     counts = {
         code: (len(set(rule.violates)), len(set(rule.passes)))
         for code, rule in deciding(rules).items()

@@ -38,7 +38,7 @@ def given_keys(flips: FlipBands, given: ast.Condition, env: Env) -> tuple[float,
 def instance_keys(
     flips: FlipBands, rule: ast.Rule, env: Env, scopes: Sequence[Scope]
 ) -> list[Broken]:
-    """Keys of a rule in each of its scopes, none of which depends on the parameter."""
+    """Keys of a rule in each of its scopes, which do not depend on the parameter."""
     wanted = mask_of(scopes, flips.frames)
     bands = [flips.alternative(c.what, env, c.kind, wanted) for c in rule.clauses]
     out: list[Broken] = []

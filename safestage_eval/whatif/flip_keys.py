@@ -51,7 +51,7 @@ def certain(truth: Bool) -> F64:
 
 
 def fixed(band: Band) -> Band:
-    """A band of margins, none of which depends on the parameter, as keys."""
+    """A band of margins that do not depend on the parameter, as keys."""
     lower = certain(band.lower >= 0)
     return Band(lower, lower if band.exact else certain(band.upper >= 0))
 

@@ -16,7 +16,7 @@ from .flip_keys import LARGEST, Way, key_of
 
 
 class Undecided(Exception):  # noqa: N818 - it is no error
-    """How a verdict depends on a parameter cannot be told; it has to be judged again."""
+    """Raised where the dependence of a verdict on a parameter cannot be followed; it has to be judged again."""
 
 
 class Counts:
@@ -38,7 +38,7 @@ class Counts:
         return self._clock.window(lasting(duration)).frames
 
     def first(self, frames: int, *, gap: bool = False) -> float:
-        """The least duration that takes at least so many samples; 0 if all do."""
+        """The least duration that takes at least ``count`` samples; 0 if all do."""
         least = self._first.get((frames, gap))
         if least is None:
             step = 1.0 if self._kind.frames else self._clock.dt
@@ -48,7 +48,7 @@ class Counts:
         return least
 
     def size(self, frames: int, way: Way) -> float:
-        """Size of the key up to which a duration takes at most so many samples; down, at least."""
+        """Size of the key up to which a duration takes at most ``count`` samples; down, at least."""
         if way == "up":
             return self.first(frames + 1)
         return until(self.first(frames))

@@ -31,7 +31,7 @@ MOST = 16
 """Steps from the value that holds, each way."""
 
 FURTHER = 2.0
-"""Distances are compared with limits of up to so many times the one that holds."""
+"""Factor on the limit that holds, up to which distances are compared with limits."""
 
 
 class Piece(NamedTuple):

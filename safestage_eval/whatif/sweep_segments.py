@@ -20,7 +20,7 @@ from .flips import pieces_of
 from .judge_again import Again
 
 FEW = 4
-"""Up to so many values are judged one by one."""
+"""Number of values up to which each is judged by itself."""
 
 OPEN = "–"
 """Stands for a field that a header leaves empty."""

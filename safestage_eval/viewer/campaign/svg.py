@@ -20,7 +20,7 @@ def short(value: float, digits: int = 1) -> str:
 
 
 def ticks(low: float, high: float, about: int = 4) -> list[float]:
-    """Choose about so many round numbers from ``low`` to ``high``."""
+    """Choose round numbers from ``low`` to ``high``, about ``about`` of them."""
     span = high - low
     if not span > 0 or not math.isfinite(span):
         return [low]

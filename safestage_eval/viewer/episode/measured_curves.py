@@ -14,7 +14,7 @@ from safestage_eval.verdicts.curves import Bound, Curve, Lane
 F64 = NDArray[np.float64]
 
 COLUMNS = 320
-"""Into so many pieces time is cut; of each the least and the greatest value are kept."""
+"""Pieces that time is cut into; the least and the greatest value of each are kept."""
 
 
 def curve_data(t: F64, curve: Curve, moments: Sequence[float | None] = ()) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""docs/catalogue.md is what the rule files say, and the shared parameters are all told."""
+"""docs/catalogue.md is what the rule files say, and all shared parameters are listed."""
 
 import re
 from pathlib import Path
