@@ -82,7 +82,7 @@ allow_host_option = click.option(
 
 resamples_option = click.option(
     "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="Number of resamples for bootstrap intervals.",
+    help="Resample tasks this many times for bootstrap intervals.",
 )  # fmt: skip
 
 bootstrap_seed_option = click.option(
