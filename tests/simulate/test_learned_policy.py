@@ -18,7 +18,7 @@ from simulate.tasks.task import task_named
 pytest.importorskip("onnxruntime")
 pytestmark = pytest.mark.simulate
 
-TASK = "fsh_can_on_smartphone"
+TASK = "fsh_dictionary_on_glasses"
 SETTING = Setting(task_named(TASK), seed=100, horizon=6.0)
 PROTOCOLS = ("openpi", "groot", "dreamzero", "cosmos3")
 

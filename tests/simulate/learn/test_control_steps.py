@@ -31,7 +31,7 @@ class Watching(Reference):
 
 def test_rows_are_the_observations_and_the_commands() -> None:
     policy = Watching()
-    setting = Setting(task_named("fsh_can_on_smartphone"), horizon=6.0)
+    setting = Setting(task_named("fsh_dictionary_on_glasses"), horizon=6.0)
     episode = roll_out(setting, policy).episode()
     steps = control_steps(episode)
     assert len(steps) == len(policy.seen) == 90
@@ -40,11 +40,11 @@ def test_rows_are_the_observations_and_the_commands() -> None:
     opening = [seen.gripper_opening for seen in policy.seen]
     assert steps.state[:, 7] == pytest.approx(np.array(opening), abs=1e-6)
     order = slot_order(policy.seen[0].objects, setting.task.roles)
-    assert order[:2] == ("coffee_can", "mat")
+    assert order[:2] == ("pocket_dictionary", "mat")
     poses = {name: np.array([seen.objects[name] for seen in policy.seen]) for name in order}
     assert steps.scene == pytest.approx(filled(poses, order), abs=1e-5)
     moved = np.ptp(steps.scene.reshape(-1, SLOTS, len(SLOT))[:, 0, :3], axis=0)
-    assert moved.max() > 0.05, "the can was lifted: the law is not tested on a still scene"
+    assert moved.max() > 0.05, "the dictionary was lifted: the law is not tested on a still scene"
     assert not steps.disturbed.any()
     assert np.array_equal(steps.action, episode.frames.action[::8])
 
@@ -57,6 +57,6 @@ def test_nobody_else_is_told_where_things_are() -> None:
             seen.append(observation.objects)
             return super().act(observation)
 
-    roll_out(Setting(task_named("fsh_can_on_smartphone"), horizon=0.5), Blind("safe"))
+    roll_out(Setting(task_named("fsh_dictionary_on_glasses"), horizon=0.5), Blind("safe"))
     assert seen
     assert not any(seen)
