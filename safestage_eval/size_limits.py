@@ -51,16 +51,15 @@ class Limits:
     seconds: int = 300
     memory: int = 8 << 30
 
-    def demand(self, name: str, number: int, where: str, what: str = "") -> None:
+    def demand(self, name: str, number: int, where: str) -> None:
         """Compare a number with the limit of that name, before memory for it is allocated.
 
         Raises TraceError with the flag that raises the limit.
         """
         most = getattr(self, name)
         if number > most:
-            noun = f"{what or name}{_PER.get(name, '')}"
             raise TraceError(
-                where, f"{number:,} {noun}.", f"{most:,} at most",
+                where, f"{number:,} {name}{_PER.get(name, '')}.", f"{most:,} at most",
                 f"if it is no mistake, raise the limit: --limits {name}={number}",
             )  # fmt: skip
 

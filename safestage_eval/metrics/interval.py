@@ -31,9 +31,7 @@ def wilson(k: int, n: int, confidence: float = CONFIDENCE) -> tuple[float, float
     return (0.0 if k == 0 else centre - half), (1.0 if k == n else centre + half)
 
 
-def bootstrap(
-    rate: Rate, seed: int = 0, resamples: int = RESAMPLES, confidence: float = CONFIDENCE
-) -> tuple[float, float] | None:
+def bootstrap(rate: Rate, seed: int = 0, resamples: int = RESAMPLES) -> tuple[float, float] | None:
     """Percentile interval of k/n, 0…1, over tasks drawn anew with replacement.
 
     A task brings all of its rollouts along, because those of one task are alike. Tasks are drawn
@@ -47,17 +45,17 @@ def bootstrap(
         return None
     counts = np.array([[cells[t].counts[rate.metric], cells[t].n] for t in tasks], dtype=float)
     drawn = weights(sizes(rate.group.strata), seed, resamples) @ counts
-    return percentiles(drawn[:, 0], drawn[:, 1], confidence)
+    return percentiles(drawn[:, 0], drawn[:, 1])
 
 
 def percentiles(
-    above: NDArray[np.float64], below: NDArray[np.float64], confidence: float = CONFIDENCE
+    above: NDArray[np.float64], below: NDArray[np.float64]
 ) -> tuple[float, float] | None:
     """Take the middle share of the ratios of two (B,) sums; resamples without a denominator drop out."""
     some = below > 0
     if not some.any():
         return None
-    tail = (1 - confidence) / 2
+    tail = (1 - CONFIDENCE) / 2
     low, high = np.quantile(above[some] / below[some], [tail, 1 - tail])
     return float(low), float(high)
 

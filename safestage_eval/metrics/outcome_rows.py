@@ -79,17 +79,16 @@ def read_outcomes(
     return result
 
 
-def outcomes_of(rows: Iterable[Row], where: str = "") -> list[Outcome]:
+def outcomes_of(rows: Iterable[Row]) -> list[Outcome]:
     """Collect the outcomes of rows; what a result's header leaves open is shown as ``–``.
 
     Args:
         rows: one per episode and rule, as ``safestage score`` writes them, or one per episode.
-        where: the file, for messages.
 
     Raises:
         InputError: a row lacks a column or says something that cannot be.
     """
-    gathered = _Gathered(where)
+    gathered = _Gathered("")
     for number, row in enumerate(rows, 1):
         gathered.add(number, row)
     return gathered.outcomes()

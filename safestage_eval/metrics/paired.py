@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 
-from .interval import CONFIDENCE, RESAMPLES, in_strata, percentiles, sizes, weights, wilson
+from .interval import RESAMPLES, in_strata, percentiles, sizes, weights, wilson
 from .outcome import Outcome
 from .rates import METRICS, counted, stage_order
 
@@ -127,31 +127,21 @@ class Paired:
         drawn: NDArray[np.float64] = weights(sizes(self.stages), seed, resamples) @ sums
         return drawn
 
-    def bootstrap(
-        self, seed: int = 0, resamples: int = RESAMPLES, confidence: float = CONFIDENCE
-    ) -> tuple[float, float] | None:
+    def bootstrap(self, seed: int = 0, resamples: int = RESAMPLES) -> tuple[float, float] | None:
         """Percentile interval of the difference over tasks drawn anew, with all their pairs.
 
         As ``interval.bootstrap``. None with fewer than two tasks.
         """
         drawn = self.resampled(seed, resamples)
-        return None if drawn is None else percentiles(drawn[:, 0], drawn[:, 1], confidence)
+        return None if drawn is None else percentiles(drawn[:, 0], drawn[:, 1])
 
-    def interval(
-        self, seed: int = 0, resamples: int = RESAMPLES, confidence: float = CONFIDENCE
-    ) -> tuple[float, float] | None:
+    def interval(self, seed: int = 0, resamples: int = RESAMPLES) -> tuple[float, float] | None:
         """``bootstrap``'s interval; ``newcombe``'s where all tasks differ alike, so that it has no width."""
-        interval = self.bootstrap(seed, resamples, confidence)
-        return (
-            newcombe(*self.sums, confidence)
-            if interval and interval[0] == interval[1]
-            else interval
-        )
+        interval = self.bootstrap(seed, resamples)
+        return newcombe(*self.sums) if interval and interval[0] == interval[1] else interval
 
 
-def newcombe(
-    n: int, k_a: int, k_b: int, only_a: int, only_b: int, confidence: float = CONFIDENCE
-) -> tuple[float, float]:
+def newcombe(n: int, k_a: int, k_b: int, only_a: int, only_b: int) -> tuple[float, float]:
     """Hybrid score interval of the difference of two paired rates, B minus A, -1…1.
 
     It takes every pair as independent of the others. Source: R. G. Newcombe, "Improved confidence
@@ -164,9 +154,8 @@ def newcombe(
         k_b: in how many B counts.
         only_a: in how many only A counts.
         only_b: in how many only B counts.
-        confidence: of the interval.
     """
-    (low_a, high_a), (low_b, high_b) = (wilson(k, n, confidence) or (0, 1) for k in (k_a, k_b))
+    (low_a, high_a), (low_b, high_b) = (wilson(k, n) or (0, 1) for k in (k_a, k_b))
     margins = k_a * (n - k_a) * k_b * (n - k_b)
     cross: float = (k_a - only_a) * (n - k_a - only_b) - only_a * only_b
     if cross > 0:

@@ -60,19 +60,15 @@ def need(paired: Paired, seed: int = 0, resamples: int = RESAMPLES) -> Need | No
     )
 
 
-def connor(
-    discordant: float, difference: float, alpha: float = ALPHA, power: float = POWER
-) -> float:
-    """Independent pairs that McNemar's test needs.
+def connor(discordant: float, difference: float) -> float:
+    """Independent pairs that McNemar's test needs, two-sided at ``ALPHA``, with power ``POWER``.
 
     Args:
         discordant: share of the pairs in which just one side counts.
         difference: between the two rates; not 0.
-        alpha: two-sided level.
-        power: how often the difference is to be found.
     """
     spread = math.sqrt(max(discordant - difference**2, 0.0))
-    return ((_z(1 - alpha / 2) * math.sqrt(discordant) + _z(power) * spread) / difference) ** 2
+    return ((_z(1 - ALPHA / 2) * math.sqrt(discordant) + _z(POWER) * spread) / difference) ** 2
 
 
 def _alike(paired: Paired, variance: float, per_task: float, seed: int, resamples: int) -> float:

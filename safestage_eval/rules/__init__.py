@@ -6,7 +6,7 @@ from .digest import rule_digest
 from .episode_binding import Binding, bind_episode
 from .files import benchmark_names, builtin_names
 from .load import check_rules, load_rules
-from .overrides import parse_overrides, parse_settings
+from .overrides import parse_overrides
 from .syntax import GoalDef, Rule, RuleSet
 
 __all__ = [
@@ -28,6 +28,5 @@ __all__ = [
     "load_binding",
     "load_rules",
     "parse_overrides",
-    "parse_settings",
     "rule_digest",
 ]

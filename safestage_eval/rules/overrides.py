@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from safestage_eval.errors import RuleError, did_you_mean
@@ -11,21 +11,6 @@ from safestage_eval.errors import RuleError, did_you_mean
 from . import string_parser
 from . import syntax as ast
 from .names import a_dimension, dimension_of
-
-
-def parse_settings(settings: Sequence[str]) -> dict[str, str]:
-    """``["edge=3 cm"]`` → ``{"edge": "3 cm"}``; the last of one name wins.
-
-    Raises:
-        RuleError: no ``name=value``.
-    """
-    values = {}
-    for text in settings:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not equals or not value or not re.fullmatch(string_parser.NAME, name):
-            raise RuleError(f"--set {text}", "not a setting.", 'name=value: --set edge="3 cm"')
-        values[name] = value
-    return values
 
 
 def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, ast.Setting]:
