@@ -35,10 +35,11 @@ def pieces(
         yield from results_parquet.pieces(scores)
         return
     from . import (
-        ci_report,
         render_csv,
         result_rows,
+        results_github,
         results_json,
+        results_junit,
         results_markdown,
         results_sarif,
         results_text,
@@ -50,8 +51,8 @@ def pieces(
         "jsonl": lambda: results_json.lines(scores),
         "csv": lambda: render_csv.csv_pieces(result_rows.COLUMNS, result_rows.each_row(scores)),
         "markdown": lambda: [results_markdown.render(scores)],
-        "junit": lambda: [ci_report.render_junit(scores, changes)],
+        "junit": lambda: [results_junit.render(scores, changes)],
         "sarif": lambda: [results_sarif.render(scores)],
-        "github": lambda: [ci_report.render_github(scores, changes)],
+        "github": lambda: results_github.pieces(scores, changes),
     }
     yield from writers[form]()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterable
 from itertools import groupby
-from xml.etree import ElementTree as ET
 
 from rich.console import Console
 from rich.padding import Padding
@@ -20,8 +19,9 @@ from safestage_eval.audit.finding import SEVERITIES
 from safestage_eval.palette import TERMINAL
 from safestage_eval.version import __version__
 
-from .ci_report import github_line, junit_text
+from .render_github import github_line
 from .render_json import render_json
+from .render_junit import Case, render_junit
 from .render_sarif import Help, Mark, render_sarif
 from .results_text import LEAST, WIDTH, put
 
@@ -168,23 +168,24 @@ def _sentence(finding: Finding) -> str:
 
 def _junit(audit: Audit) -> str:
     """One suite per check; a failure per error, and warnings and notes as skipped cases."""
-    root = ET.Element("testsuites", name="safestage audit")
+    suites = {}
     for code in audit.checks:
-        suite = ET.SubElement(root, "testsuite", name=f"{code} {CHECKS[code].title}")
-        mine = [finding for finding in audit.findings if finding.code == code]
-        for finding in mine:
-            name = finding.place.episode or CHECKS[code].of
-            case = ET.SubElement(suite, "testcase", classname=code, name=name)
-            kind = "failure" if finding.severity == "error" else "skipped"
-            ET.SubElement(case, kind, message=_sentence(finding))
-        if not mine:
-            ET.SubElement(suite, "testcase", classname=code, name=CHECKS[code].of)
+        check = CHECKS[code]
+        suites[f"{code} {check.title}"] = [
+            Case(
+                code,
+                finding.place.episode or check.of,
+                "failure" if finding.severity == "error" else "skipped",
+                _sentence(finding),
+            )
+            for finding in audit.findings
+            if finding.code == code
+        ] or [Case(code, check.of)]
     if audit.problems:
-        suite = ET.SubElement(root, "testsuite", name="unreadable")
-        for problem in audit.problems:
-            case = ET.SubElement(suite, "testcase", classname="unreadable", name=problem.path)
-            ET.SubElement(case, "error", message=problem.message)
-    return junit_text(root)
+        suites["unreadable"] = [
+            Case("unreadable", problem.path, "error", problem.message) for problem in audit.problems
+        ]
+    return render_junit("safestage audit", suites)
 
 
 def _sarif(audit: Audit) -> str:
@@ -207,4 +208,4 @@ def _github(audit: Audit) -> str:
     lines += [
         github_line("error", "unreadable trace", printable(p.message)) for p in audit.problems
     ]
-    return "".join(line + "\n" for line in lines)
+    return "".join(lines)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree as ET
 
 from safestage_eval._text.line_width import LINE_WIDTH, folded
 from safestage_eval._text.plural import count
 from safestage_eval.units import format_quantity, in_unit, unit_of
 
-from .ci_report import junit_text
 from .render_json import render_json
+from .render_junit import Case, render_junit
 from .render_text import text_lines
 from .table import Table
 
@@ -114,30 +113,41 @@ def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | 
 
 
 def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
-    root = ET.Element("testsuites", name="safestage rules test")
-    for name, suite in suites.items():
-        node = ET.SubElement(root, "testsuite", name=name)
-        for c in suite.checked:
-            case = ET.SubElement(node, "testcase", classname=f"{name}.{c.rule}", name=c.name)
-            if c.verdict is None:
-                ET.SubElement(case, "error", message=c.problem)
-            elif not c.right:
-                text = f"expected {c.expected}, got {c.got}: {c.why}"
-                ET.SubElement(case, "failure", message=text)
-        for code, counts in suite.lacking.items():
-            case = ET.SubElement(
-                node, "testcase", classname=f"{name}.{code}", name="enough examples"
-            )
-            ET.SubElement(case, "failure", message=_lacks(code, *counts, suite.least))
-        for m in (hunted or {}).get(name, ()):
-            case = ET.SubElement(
-                node, "testcase", classname=f"{name}.{m.where}.mutants", name=m.what
-            )
-            if not m.tested:
-                ET.SubElement(case, "skipped", message="no example comes out as expected")
-            elif m.killer is None:
-                ET.SubElement(case, "failure", message="no example detects this mutant")
-    return junit_text(root)
+    return render_junit(
+        "safestage rules test",
+        {
+            name: [
+                *(_case(f"{name}.{c.rule}", c) for c in suite.checked),
+                *(
+                    Case(
+                        f"{name}.{code}",
+                        "enough examples",
+                        "failure",
+                        _lacks(code, *counts, suite.least),
+                    )
+                    for code, counts in suite.lacking.items()
+                ),
+                *(_mutant(f"{name}.{m.where}.mutants", m) for m in (hunted or {}).get(name, ())),
+            ]
+            for name, suite in suites.items()
+        },
+    )
+
+
+def _case(classname: str, c: Checked) -> Case:
+    if c.verdict is None:
+        return Case(classname, c.name, "error", c.problem)
+    if not c.right:
+        return Case(classname, c.name, "failure", f"expected {c.expected}, got {c.got}: {c.why}")
+    return Case(classname, c.name)
+
+
+def _mutant(classname: str, m: Hunted) -> Case:
+    if not m.tested:
+        return Case(classname, m.what, "skipped", "no example comes out as expected")
+    if m.killer is None:
+        return Case(classname, m.what, "failure", "no example detects this mutant")
+    return Case(classname, m.what)
 
 
 def _facts(c: Checked) -> dict[str, Any]:
