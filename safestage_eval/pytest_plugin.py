@@ -5,7 +5,7 @@ The fixture ``safestage_golden`` is there as soon as SafeStage is installed (doc
     def test_our_traces(safestage_golden):
         safestage_golden("traces/", "expected.json", rules="fsh", edge="3 cm")
 
-``pytest --safestage-update`` writes the golden files anew instead of comparing.
+``pytest --safestage-update`` rewrites the golden files instead of comparing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """``--safestage-update``."""
     group = parser.getgroup("safestage")
     group.addoption(
-        UPDATE, action="store_true", help="Write the golden files of safestage_golden anew."
+        UPDATE, action="store_true", help="Rewrite the golden files of safestage_golden."
     )
 
 

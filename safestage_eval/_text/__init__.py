@@ -1,1 +1,1 @@
-"""Text files that somebody else wrote, parsed without trust in their depth or size."""
+"""Text: untrusted files parsed with limits on depth and size, and output safe to print."""

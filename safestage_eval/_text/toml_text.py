@@ -1,4 +1,4 @@
-"""TOML that somebody else wrote."""
+"""Untrusted TOML."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
 def _candidates(
     errors: Sequence[ContradictionError], named: Counter[str], suspects: Sequence[str]
 ) -> Iterator[tuple[Repair, tuple[str, ...]]]:
-    """Repairs that the contradictions speak for, of some bodies or (empty) of all."""
+    """Repairs that fit the contradictions, of some bodies or (empty) of all."""
     kinds = {error.kind for error in errors}
     likely = [repair for repair in REPAIRS if kinds & repair.kinds]
     alone = len(named) <= 1 or (bool(named) and named.most_common(1)[0][1] == len(errors))

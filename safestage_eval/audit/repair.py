@@ -46,7 +46,7 @@ class Repair:
         cause: the mistake, as the end of "it looks as if …".
         fix: what to do about it.
         field: the column that it is in.
-        kinds: of contradictions (``ContradictionError.kind``) that speak for it.
+        kinds: of contradictions (``ContradictionError.kind``) that it may explain.
         whole: it concerns the whole recording, never some of its bodies.
         mend: the episode with the mistake undone, for bodies of these names.
     """

@@ -20,7 +20,7 @@ HELP = {
     "view": "Look at episodes in the browser: list, 3-D player, signals.",
     "audit": "Say whether recordings, scenes and the evaluation are sound.",
     "validate": "Check trace files: are they whole, and as they were written?",
-    "verify": "Verify results: compute digests anew, judge a sample again.",
+    "verify": "Verify results: recompute digests, judge a sample again.",
     "convert": "Copy an episode into another format, losslessly.",
     "pack": "Merge episodes into few large files, ready to be published.",
     "import": "Import other people's recordings, and report what they lack.",

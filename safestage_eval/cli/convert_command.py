@@ -61,7 +61,7 @@ def command(
 
     An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
     violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
-    for viewers only: scoring the copy judges it anew. Beside it are layouts: NAME.foxglove.json for
+    for viewers only: scoring the copy judges it again. Beside it are layouts: NAME.foxglove.json for
     Foxglove, NAME.lichtblick.json for Lichtblick.
 
     --to rrd writes what Rerun shows: the scene, the events, and the signals that decided the rules

@@ -21,17 +21,17 @@ def line_width() -> int | None:
 
 
 class Bar(Protocol):
-    """A line that is drawn anew, time and again."""
+    """A progress bar on the terminal."""
 
     def start(self) -> None:
-        """Draw it from now on."""
+        """Show it."""
 
     def stop(self) -> None:
-        """Take it away."""
+        """Hide it."""
 
 
 BARS: list[Bar] = []
-"""Those that are drawn now: they give way to messages."""
+"""Bars on the terminal; messages hide them for a moment."""
 
 
 def say(text: str, *, err: bool = False) -> None:

@@ -39,7 +39,7 @@ def command(
     seed: int,
     by: RuleChoice,
 ) -> None:
-    """Verify that results are those of the traces: compute digests anew, and judge again.
+    """Verify that results are those of the traces: recompute digests, and judge again.
 
     RESULTS is a file of rows that `score` wrote. With the manifest that `score --manifest` wrote,
     rules and settings are those of the manifest; without it, those of the options. A signature on

@@ -1,4 +1,4 @@
-"""Arrays of NumPy's archives that strangers packed: how large they become is compared first.
+"""Arrays of untrusted NumPy archives; their unpacked size is checked first.
 
 Objects, which would be unpickled, are refused: NumPy refuses them by default.
 """

@@ -101,7 +101,7 @@ def bag_messages(path: Path) -> Iterator[tuple[str, str, str, int, bytes]]:
 
 
 def _opened(path: Path) -> sqlite3.Connection:
-    """A connection that computes nothing a stranger wrote, and comes back.
+    """Open a read-only connection that runs nothing a stranger wrote, within limits of time and size.
 
     A database may hold views and computed columns: programs, which can run for ever or return any
     amount of data. (Checks of rows are computed by no read-only connection.)

@@ -1,4 +1,4 @@
-"""ROS 2 bags and Foxglove recordings with transforms: MCAP files of somebody else's.
+"""ROS 2 bags and Foxglove recordings with transforms: foreign MCAP files.
 
 A recording has one transform per frame and message, at the rate of whoever sent it. Here all frames
 become bodies at common times: those of the messages where all agree, otherwise regular ones,

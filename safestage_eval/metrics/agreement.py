@@ -86,7 +86,7 @@ class Agreement:
         undecided: ids that people are sure of and the evaluator could not decide.
         only_labels: ids that have a label and no result.
         only_results: ids that have a result and no label.
-        replaced: labels that a reviewer gave anew; the last counts.
+        replaced: labels that a reviewer replaced; the last counts.
     """
 
     stages: Mapping[str, Confusion]

@@ -32,7 +32,7 @@ def wilson(k: int, n: int, confidence: float = CONFIDENCE) -> tuple[float, float
 
 
 def bootstrap(rate: Rate, seed: int = 0, resamples: int = RESAMPLES) -> tuple[float, float] | None:
-    """Percentile interval of k/n, 0…1, over tasks drawn anew with replacement.
+    """Percentile interval of k/n, 0…1, over tasks resampled with replacement.
 
     A task brings all of its rollouts along, because those of one task are alike. Tasks are drawn
     within their stage, so that every resample has as many of each stage. None with fewer than two

@@ -118,7 +118,7 @@ class Paired:
         return mcnemar(*self.sums[3:]) if self.n else None
 
     def resampled(self, seed: int, resamples: int) -> NDArray[np.float64] | None:
-        """(B, 2): k of B - k of A, and pairs, over tasks drawn anew; None with one task."""
+        """(B, 2): k of B - k of A, and pairs, over resampled tasks; None with one task."""
         if not self.n or len(self.tasks) < 2:
             return None
         order = in_strata(self.stages)
@@ -128,7 +128,7 @@ class Paired:
         return drawn
 
     def bootstrap(self, seed: int = 0, resamples: int = RESAMPLES) -> tuple[float, float] | None:
-        """Percentile interval of the difference over tasks drawn anew, with all their pairs.
+        """Percentile interval of the difference over resampled tasks, with all their pairs.
 
         As ``interval.bootstrap``. None with fewer than two tasks.
         """

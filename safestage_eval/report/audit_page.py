@@ -1,6 +1,6 @@
 """docs/audit.md: every check of the audit, written from the declarations.
 
-``python -m safestage_eval.report.audit_page docs/audit.md`` writes it anew.
+``python -m safestage_eval.report.audit_page docs/audit.md`` rewrites it.
 """
 
 from __future__ import annotations

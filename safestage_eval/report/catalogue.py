@@ -1,6 +1,6 @@
 """docs/catalogue.md: every built-in rule, and which task family reads which parameter.
 
-``python -m safestage_eval.report.catalogue docs/catalogue.md`` writes it anew from the rule files.
+``python -m safestage_eval.report.catalogue docs/catalogue.md`` rewrites it from the rule files.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def catalogue() -> str:
     Raises:
         InputError: a rule whose code belongs to no family of ``FAMILIES`` would be left out.
     """
-    rules, whence = load_rules(list(FILES)), sources(list(FILES))
+    rules, origins = load_rules(list(FILES)), sources(list(FILES))
     for code, rule in rules.rules.items():
         if code[:4] not in FAMILIES:
             raise InputError(
@@ -81,18 +81,18 @@ def catalogue() -> str:
                 f"codes that begin with {', '.join(FAMILIES)}",
                 "rename it, or add its family to FAMILIES in safestage_eval/report/catalogue.py",
             )
-    lines = [INTRO, *_rules(rules, whence), SHARED, *_shared(rules, whence)]
+    lines = [INTRO, *_rules(rules, origins), SHARED, *_shared(rules, origins)]
     return "\n".join([*lines, "", MATERIALS, *_materials(rules)]) + "\n"
 
 
-def _rules(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
+def _rules(rules: ast.RuleSet, origins: Mapping[str, Source]) -> Iterator[str]:
     for family, name in FAMILIES.items():
         yield f"## {family[:3]}: {name}\n"
         for code in sorted(rules.rules):
             if code.startswith(family):
                 rule = rules.rules[code]
                 own = {name: words.value(value) for name, value in rule.set}
-                yield from _rule(rule_facts(rules, rule, whence), own)
+                yield from _rule(rule_facts(rules, rule, origins), own)
 
 
 def _rule(facts: Mapping[str, Any], own: Mapping[str, str]) -> Iterator[str]:
@@ -120,7 +120,7 @@ def _rule(facts: Mapping[str, Any], own: Mapping[str, str]) -> Iterator[str]:
     yield ""
 
 
-def _shared(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
+def _shared(rules: ast.RuleSet, origins: Mapping[str, Source]) -> Iterator[str]:
     """One table per heading of defaults.toml: value, source, and a column per family."""
     head = ("parameter", "value", "meaning and source", *FAMILIES)
     text = (builtin_folder() / "defaults.toml").read_text(encoding="utf-8")
@@ -138,7 +138,7 @@ def _shared(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
                 (
                     f"`{name}`",
                     words.value(rules.params[name]),
-                    whence[f"param.{name}"].comment,
+                    origins[f"param.{name}"].comment,
                     *_dots(rules, partial(_reads, rules, name)),
                 )
                 for name in names

@@ -86,7 +86,7 @@ def compare_golden(scores: Scores, path: Path, update: str = UPDATE) -> list[str
 def changes(scores: Scores, path: Path, update: str = UPDATE) -> list[Change]:
     """List the differences from the expectations; empty if there are none.
 
-    ``update``: the option that writes the file anew, for messages.
+    ``update``: the option that rewrites the file, for messages.
 
     Raises:
         InputError: the file is not there or is no golden file.

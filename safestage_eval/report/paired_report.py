@@ -76,7 +76,7 @@ def notes(comparison: Comparison) -> list[str]:
     lines = [
         f"Pairs are matched by {', '.join(KEYS[pairs.by])}; difference: "
         f"{comparison.names[1]} minus {comparison.names[0]}, percentage points.",
-        "95 % interval: tasks drawn anew; where all tasks differ alike, Newcombe's. p: McNemar, exact; Holm: adjusted for the stages, or "
+        "95 % interval: tasks resampled; where all tasks differ alike, Newcombe's. p: McNemar, exact; Holm: adjusted for the stages, or "
         "families, of a metric.",
         "needs: pairs that would show this difference four times out of five, if independent.",
     ]

@@ -48,7 +48,7 @@ def text_lines(table: Table, width: int | None = None) -> list[str]:
 def _blocks(
     table: Table, head: list[str], rows: Cells, width: int | None
 ) -> Iterator[tuple[int, ...]]:
-    """The columns that are shown together, time and again."""
+    """Groups of columns that fit the width, in order."""
     names = [*range(min(table.names, table.width))]
     least = [_room(table, head, rows, i) for i in range(table.width)]
 

@@ -24,7 +24,7 @@ LEFT = 12
 
 
 def rule_facts(
-    rules: ast.RuleSet, rule: ast.Scoped, whence: Mapping[str, Source]
+    rules: ast.RuleSet, rule: ast.Scoped, origins: Mapping[str, Source]
 ) -> dict[str, Any]:
     """Everything about a rule, or a cost, as plain values."""
     params = own_params(rules, rule)
@@ -55,7 +55,7 @@ def rule_facts(
             "undecided": list(rule.undecided),
         },
         "parameters": [
-            _parameter(name, value, f"rule {rule.code}" if name in own else "", whence)
+            _parameter(name, value, f"rule {rule.code}" if name in own else "", origins)
             for name, value in uses.params.items()
         ],
         "materials": [
@@ -63,7 +63,7 @@ def rule_facts(
                 "material": material,
                 "column": column,
                 "value": words.value(row[column]),
-                **_whence(whence.get(f"material.{material}.{column}")),
+                **_origin(origins.get(f"material.{material}.{column}")),
             }
             for column in uses.columns
             for material, row in rules.materials.items()
@@ -226,15 +226,15 @@ def _scope(rule: ast.Scoped, params: ast.Params) -> str:
 
 
 def _parameter(
-    name: str, value: ast.Setting, by: str, whence: Mapping[str, Source]
+    name: str, value: ast.Setting, by: str, origins: Mapping[str, Source]
 ) -> dict[str, Any]:
     facts = {"name": name, "value": words.value(value)}
     if by:
         return {**facts, "source": by, "comment": ""}
-    return {**facts, **_whence(whence.get(f"param.{name}"))}
+    return {**facts, **_origin(origins.get(f"param.{name}"))}
 
 
-def _whence(source: Source | None) -> dict[str, str]:
+def _origin(source: Source | None) -> dict[str, str]:
     if source is None:
         return {"source": "", "comment": ""}
     return {"source": f"{source.path}:{source.line}", "comment": source.comment}

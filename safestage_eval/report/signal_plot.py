@@ -57,7 +57,7 @@ def panels(
         expressions: ``"clearance(target, protected)"``; as verdicts name them works as well, with
             ``since``.
         rule: code of a rule: what decides that one, where no signal is named.
-        progress: called with (done, total) signals; first that nobody knows how many there will be.
+        progress: called with (done, total) signals; total is None at first.
 
     Raises InputError for a signal, role or body that does not exist, or if nothing decides.
     """

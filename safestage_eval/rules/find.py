@@ -49,8 +49,8 @@ def find_rules(wanted: Iterable[str], specs: Sequence[str | Path] = ()) -> list[
                 or did_you_mean(name, builtin_names())
                 or "safestage rules show lists all codes",
             ) from None
-        whence = sources([name])
-        rules_found += [(rules, rule, whence) for rule in rules.scoped.values()]
+        origins = sources([name])
+        rules_found += [(rules, rule, origins) for rule in rules.scoped.values()]
     return rules_found
 
 

@@ -111,7 +111,7 @@ def looked_at(
 
 
 def _env(rule: ast.Rule, players: dict[str, tuple[str, ...]], verdict: Verdict) -> Env | None:
-    """The combination of bodies that the verdict speaks of; the first one if it names none."""
+    """The combination of bodies that the verdict is about; the first one if it names none."""
     envs = list(combinations(rule, players))
     for env in envs:
         named = tuple(dict.fromkeys(env.values()))

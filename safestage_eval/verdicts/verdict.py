@@ -70,7 +70,7 @@ class Verdict:
     notes: tuple[str, ...] = ()
     """Undersampled, vacuous, skipped conditions, unknown data, invalid scene …"""
     sources: tuple[str, ...] = ()
-    """Whence the bodies of its roles, its being assigned, and values that it does not set itself:
+    """Sources of the bodies of its roles, its being assigned, and values that it does not set itself:
     ``target = mug: trace header``, ``edge = 3 cm: --set``."""
     rule_digest: str = ""
 

@@ -29,7 +29,7 @@ class RunServer(GuardedServer):
             run: to be served.
             port: 0 is any that is free.
             names: host names by which browsers reach it, besides those of the loopback interface.
-            judging: False leaves that to somebody else.
+            judging: False: judge no episodes in the background.
 
         Raises:
             InputError: the port is taken.

@@ -1,4 +1,4 @@
-"""The mistakes that somebody may make in writing a rule: each change of one place in its tree."""
+"""Mistakes that an author of a rule may make: each changes one place in its tree."""
 
 from __future__ import annotations
 
