@@ -15,6 +15,7 @@ from .shared_options import (
     pairs,
     prepare_kernels,
     progress,
+    say_problems,
     wants_color,
     where_option,
     written,
@@ -102,8 +103,7 @@ def command(
     color = output is None and wants_color(sys.stdout)
     written(audit_report.render(result, form, width=width, color=color, everything=verbose), output)
     if form != "table" or output is not None:
-        for problem in result.problems:
-            say(f"problem: {problem.message}", err=True)
+        say_problems(result.problems)
         say(audit_report.headline(result), err=True)
     ctx.exit(2 if result.problems else 1 if result.fails(fail_on) else 0)
 

@@ -14,11 +14,11 @@ from .shared_options import (
     output_option,
     prepare_kernels,
     progress,
+    say_problems,
     selected,
     where_option,
     written,
 )
-from .terminal import say
 
 
 @click.command("diff")
@@ -82,8 +82,7 @@ def command(
         difference = _of_results(what, by, where)
     written(flips_report.render(difference, form), output)
     if form == "csv":
-        for problem in difference.problems:
-            say(f"problem: {problem}", err=True)
+        say_problems(difference.problems)
     ctx.exit(2 if difference.problems else 1 if fail_on_change and not difference.empty else 0)
 
 

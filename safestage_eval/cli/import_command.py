@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .rule_choice import rules_option
-from .shared_options import progress
+from .shared_options import progress, say_problems
 from .terminal import say, say_lines
 
 if TYPE_CHECKING:
@@ -139,8 +139,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
         say(f"warning: {message}", err=True)
     for notice, count in notices_of(outcome):
         say(f"looks wrong in {count} of {len(outcome.imported)} episodes: {notice}", err=True)
-    for problem in outcome.failed:
-        say(f"problem: {problem.message}", err=True)
+    say_problems(outcome.failed)
     new = sum(each.new for each in outcome.imported)
     say(
         f"{new} imported, {len(outcome.imported) - new} there already, "

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import allow_host_option, selected, traces_argument, where_option
+from .shared_options import (
+    allow_host_option,
+    selected,
+    serve_until_interrupted,
+    traces_argument,
+    where_option,
+)
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -102,17 +108,7 @@ def command(
     )
     say(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
     say("Ctrl+C ends; start again to continue", err=True)
-    click.echo(server.url)
-    if not no_open:
-        import webbrowser
-
-        webbrowser.open(server.url)
-    try:
-        server.serve_forever()
-    except KeyboardInterrupt:
-        say("", err=True)
-    finally:
-        server.server_close()
+    serve_until_interrupted(server, browser=not no_open)
     for line in session.commands:
         say(f"next: {line}", err=True)
 

@@ -13,6 +13,7 @@ from .shared_options import (
     jobs_option,
     prepare_kernels,
     progress,
+    say_problems,
     written,
 )
 from .terminal import say
@@ -99,8 +100,7 @@ def command(
     for note in report.notes:
         say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()
-    for problem in problems:
-        say(f"problem: {problem.message}", err=True)
+    say_problems(problems)
     ctx.exit(2 if problems else 0)
 
 

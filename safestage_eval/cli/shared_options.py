@@ -19,6 +19,7 @@ from .terminal import BARS, say
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from safestage_eval._serving.guarded_http import GuardedServer
     from safestage_eval.formats import EpisodeRef
 
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
@@ -178,6 +179,27 @@ def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> N
                 stream.write(piece.encode() if isinstance(piece, str) else piece)
     except OSError as error:
         raise click.UsageError(f"--output {output}: {error.strerror}") from None
+
+
+def say_problems(problems: Iterable[object]) -> None:
+    """Print each problem, or its message, as a line on stderr."""
+    for problem in problems:
+        say(f"problem: {getattr(problem, 'message', problem)}", err=True)
+
+
+def serve_until_interrupted(server: GuardedServer, *, browser: bool) -> None:
+    """Print a server's address, open it in the ``browser`` if asked to, and serve until Ctrl+C."""
+    click.echo(server.url)
+    if browser:
+        import webbrowser
+
+        webbrowser.open(server.url)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        say("", err=True)
+    finally:
+        server.server_close()
 
 
 def unusable(folder: Path) -> str:

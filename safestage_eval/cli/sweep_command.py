@@ -13,6 +13,7 @@ from .shared_options import (
     output_option,
     prepare_kernels,
     progress,
+    say_problems,
     selected,
     traces_argument,
     where_option,
@@ -131,6 +132,5 @@ def command(
     if plot is not None:
         sweep_report.plot(curves, plot, curve_fields)
         say(f"{plot}: drawn", err=True)
-    for problem in curves.problems if form != "table" else ():
-        say(f"problem: {problem.message}", err=True)
+    say_problems(curves.problems if form != "table" else ())
     ctx.exit(2 if curves.problems else 0)

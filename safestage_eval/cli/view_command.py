@@ -18,6 +18,8 @@ from .shared_options import (
     episode_option,
     jobs_option,
     prepare_kernels,
+    say_problems,
+    serve_until_interrupted,
 )
 from .terminal import say
 
@@ -105,8 +107,7 @@ def command(
         None,
     )  # fmt: skip
     say(str(page))
-    for problem in report.pieces.problems if report.pieces is not None else ():
-        say(f"problem: {problem.message}", err=True)
+    say_problems(report.pieces.problems if report.pieces is not None else ())
     if open_ and not webbrowser.open(page.resolve().as_uri()):
         say("no browser could be opened; open the file yourself", err=True)
 
@@ -136,12 +137,4 @@ def _serve(
     )
     said = count(len(refs), "episode")
     say(f"{said}; open the address below, end with Ctrl+C", err=True)
-    click.echo(server.url)
-    if open_:
-        webbrowser.open(server.url)
-    try:
-        server.serve_forever()
-    except KeyboardInterrupt:
-        say("", err=True)
-    finally:
-        server.server_close()
+    serve_until_interrupted(server, browser=open_)

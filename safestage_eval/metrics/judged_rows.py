@@ -12,7 +12,7 @@ from safestage_eval.errors import InputError
 from .agreement import Judged, Witness
 from .outcome import OPEN
 from .outcome_rows import NOT_LOADED, VIOLATED
-from .read_rows import cell_text, read_rows, truth
+from .read_rows import cell_text, demand_columns, read_rows, truth
 
 Row = Mapping[str, Any]
 
@@ -55,9 +55,7 @@ def _judged_of(rows: Sequence[Row], where: str) -> list[Judged]:
     episodes: dict[str, list[tuple[str, Row]]] = {}
     for number, row in enumerate(rows, 1):
         place = f"{where}, row {number}"
-        missing = [name for name in (RESULT if with_rules else BARE) if name not in row]
-        if missing:
-            raise InputError(place, f"lacks {', '.join(missing)}.", ALLOWED)
+        demand_columns(row, RESULT if with_rules else BARE, place, ALLOWED)
         name = cell_text(row["episode_id"])
         if not name:
             raise InputError(place, "names no episode.")

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 from safestage_eval.errors import InputError
 
-from .read_rows import cell_text, read_rows
+from .read_rows import cell_text, demand_columns, read_rows
 
 Answer = Literal["safe", "unsafe", "unsure"]
 ANSWERS: tuple[Answer, ...] = get_args(Answer)
@@ -52,9 +52,7 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
     result = []
     for number, row in enumerate(read_rows(path, COLUMNS, ALLOWED), 1):
         where = f"{path}, row {number}"
-        missing = [name for name in COLUMNS[:2] if name not in row]
-        if missing:
-            raise InputError(where, f"lacks {', '.join(missing)}.", ALLOWED)
+        demand_columns(row, COLUMNS[:2], where, ALLOWED)
         text = cell_text(row["label"]).lower()
         answer = next((name for name in ANSWERS if name == text), None)
         if answer is None:

@@ -17,7 +17,7 @@ from safestage_eval.verdicts.verdict import at_risk
 
 from .outcome import OPEN, Outcome
 from .rates import STAGES
-from .read_rows import each_row, truth
+from .read_rows import demand_columns, each_row, truth
 
 Row = Mapping[str, Any]
 
@@ -113,7 +113,7 @@ class _Gathered:
         if not self._results:
             self._bare.append(_bare(row, place))
             return
-        _need(row, RESULT, place)
+        demand_columns(row, RESULT, place, ALLOWED)
         name = sys.intern(str(row["episode_id"]))
         if name not in self._episodes:
             self._episodes[name] = _Episode(name, row, place)
@@ -133,7 +133,7 @@ class _Gathered:
 
 
 def _bare(row: Row, where: str) -> Outcome:
-    _need(row, BARE, where)
+    demand_columns(row, BARE, where, ALLOWED)
     success, violation = (truth(row[name], where, name) for name in ("success", "violation"))
     empty = [name for name in BARE[:6] if _missing(row[name])]
     if empty:
@@ -246,12 +246,6 @@ def _same(o: Outcome) -> tuple[Any, ...]:
 
 def _place(file: str, number: int) -> str:
     return f"{file}, row {number}" if file else f"row {number}"
-
-
-def _need(row: Row, columns: Iterable[str], where: str) -> None:
-    missing = [name for name in columns if name not in row]
-    if missing:
-        raise InputError(where, f"lacks {', '.join(missing)}.", ALLOWED)
 
 
 def _name(row: Row, column: str) -> str | None:

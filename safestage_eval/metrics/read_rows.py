@@ -7,7 +7,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
@@ -105,6 +105,15 @@ def truth(value: Any, where: str, name: str) -> bool | None:
     if text not in _SAID:
         raise InputError(where, f"{name} is {value!r}.", "true, false, 1, 0, or nothing if unknown")
     return _SAID[text]
+
+
+def demand_columns(
+    row: Mapping[str, Any], columns: Iterable[str], where: str, allowed: str
+) -> None:
+    """Raise InputError where a row lacks a column; ``allowed``: what is accepted, for the message."""
+    missing = [name for name in columns if name not in row]
+    if missing:
+        raise InputError(where, f"lacks {', '.join(missing)}.", allowed)
 
 
 def cell_text(value: Any) -> str:

@@ -23,7 +23,7 @@ from .render_github import github_line
 from .render_json import render_json
 from .render_junit import Case, render_junit
 from .render_sarif import Help, Mark, render_sarif
-from .results_text import LEAST, WIDTH, put
+from .results_text import console_for, put
 
 FORMATS = ("table", "json", "junit", "github", "sarif")
 
@@ -100,10 +100,7 @@ def _by_code(audit: Audit) -> list[tuple[Check, str, list[Finding]]]:
 
 def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> str:
     buffer = io.StringIO()
-    console = Console(
-        file=buffer, width=max(width or WIDTH, LEAST), color_system="256" if color else None,
-        force_terminal=color, no_color=not color, highlight=False, markup=False,
-    )  # fmt: skip
+    console = console_for(buffer, width, color=color)
     for check, severity, findings in _by_code(audit):
         head = Text(f"{check.code} {severity}: {check.title}", f"bold {STYLES[severity]}")
         console.print(head.append(f"  ({_count(findings, audit.episodes)})", "not bold default"))

@@ -63,15 +63,7 @@ def render(
         everything: list every episode, and the findings of rules that are not assigned.
     """
     buffer = io.StringIO()
-    console = Console(
-        file=buffer,
-        width=max(width or WIDTH, LEAST),
-        color_system="256" if color else None,
-        force_terminal=color,
-        no_color=not color,
-        highlight=False,
-        markup=False,
-    )
+    console = console_for(buffer, width, color=color)
     every = outcomes(scores.results)
     unreadable = len(scores.problems) + len(scores.aborted)
     put(console, coverage(rates(every), unreadable), "bold")
@@ -84,6 +76,14 @@ def render(
     _leftovers(console, scores, rates(every))
     _hint(console, scores)
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
+
+
+def console_for(buffer: io.StringIO, width: int | None, *, color: bool) -> Console:
+    """A console that writes into a buffer, as wide as the terminal; without one, ``WIDTH``."""
+    return Console(
+        file=buffer, width=max(width or WIDTH, LEAST), color_system="256" if color else None,
+        force_terminal=color, no_color=not color, highlight=False, markup=False,
+    )  # fmt: skip
 
 
 def put(console: Console, text: str, style: str = "") -> None:

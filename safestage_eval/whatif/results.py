@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from safestage_eval.errors import InputError
 from safestage_eval.metrics import METRICS, by_policy_stage, outcomes_of
-from safestage_eval.metrics.read_rows import read_rows
+from safestage_eval.metrics.read_rows import demand_columns, read_rows
 
 Row = Mapping[str, Any]
 """A result row (docs/results.md); only the columns that are used must be there."""
@@ -105,9 +104,7 @@ def read_results(path: str | Path) -> list[dict[str, Any]]:
     """
     rows = read_rows(path, allowed=ALLOWED)
     for number, row in enumerate(rows, 1):
-        missing = [name for name in NEEDED if name not in row]
-        if missing:
-            raise InputError(f"{path}, row {number}", f"lacks {', '.join(missing)}.", ALLOWED)
+        demand_columns(row, NEEDED, f"{path}, row {number}", ALLOWED)
     return rows
 
 
