@@ -11,7 +11,7 @@ from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.goal import first_success
+from safestage_eval.verdicts.goal import first_success, goal_margin
 
 TRACES = Path(__file__).parents[2] / "traces"
 
@@ -132,6 +132,16 @@ def test_a_goal_must_hold_for_three_frames_and_the_last_confirms_it(
     causal = Evaluator(facts, rules, rules.params, None, causal=True)  # type: ignore[arg-type]
     found = first_success(causal, rules.goals["high"], {"a": ("a",), "b": ("b",)})
     assert found == (frame, unsure)
+
+
+def test_how_clearly_the_goal_is_met_at_the_end(placed: Episode) -> None:
+    """The bottle is on the shelf with its whole base; before it was let go the goal was unmet."""
+    assert goal_margin(placed) == pytest.approx(1.0, abs=0.01)
+    held = goal_margin(changed(placed, 240))
+    assert held is not None
+    assert held < 0
+    assert goal_margin(changed(placed, goal=None)) is None
+    assert goal_margin(changed(placed, roles={})) is None
 
 
 def test_without_success_what_was_put_down_is_judged_at_the_end(placed: Episode) -> None:
