@@ -13,6 +13,8 @@ SHARE_KEPT = 0.95
 """Share of the noisy references' verdicts that must equal those of the references."""
 LEAST_ROOM = 0.2
 """Share of a limit by which references should keep clear of it, on either side."""
+LEAST_GOAL_ROOM = 0.1
+"""Likewise of the goal's: half, for the arm stops as soon as it is met, and what was pushed has just arrived."""
 
 
 def page(trials: Sequence[Trial]) -> str:
@@ -35,7 +37,7 @@ def page(trials: Sequence[Trial]) -> str:
         "The margin is the distance of the decisive signal from its limit, negative when violated (kept or",
         "broken where there is no number), for each seed; what several seeds have in common stands once. Room is the",
         "least of them in shares of the limit, and at the goal the least by which its closest condition is met at",
-        f"the end (a dash where only yes or no counts); {LEAST_ROOM:.0%} is the least that is asked for. Recording",
+        f"the end (a dash where only yes or no counts); {LEAST_ROOM:.0%} and {LEAST_GOAL_ROOM:.0%} are the least that is asked for. Recording",
         f"ran at {middle} times real time (median per processor; {taken:.0f} minutes of processor time in all).",
         "",
         "| task | safe: rule | margins | room | goal at | room | unsafe: rule | margins | room | goal at | room |",
