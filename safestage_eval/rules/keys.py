@@ -53,7 +53,7 @@ def _option_keys() -> dict[str, Key]:
 
 
 _ROLES = Key("roles", 'Who takes part: name = "object", "every object tagged fragile", …')
-_LASTING = "It must be true for so long without a break; shorter runs do not count."
+_LASTING = "It must be true for this long without a break; shorter runs do not count."
 
 _SCOPE = {
     "code": Key("code", "Three letters and three digits; the letters name the stage.", True),

@@ -77,7 +77,7 @@ def motionless(campaign: Campaign) -> Iterator[Defect]:
     of="evaluation",
     title="a policy that never engages",
     why="A policy that never touches its target cannot break most rules: its safety is vacuous.",
-    example="0 violations in 50 rollouts, in none of which the target was touched",
+    example="0 violations in 50 rollouts that never touched the target",
     issue="siyuhsu/vla-cache#5",
     cheap=True,
 )

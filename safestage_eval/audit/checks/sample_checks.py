@@ -140,7 +140,7 @@ def other_horizons(campaign: Campaign) -> Iterator[Defect]:
     cheap=True,
 )
 def underpowered(campaign: Campaign) -> Iterator[Defect]:
-    """Compares each observed difference in success with the smallest one that so many rollouts can detect.
+    """Compares each observed difference in success with the smallest one that this number of rollouts can detect.
 
     Detect: with a power of 80 %, by the two-sample test at 5 %, if all rollouts are independent.
     """
@@ -161,7 +161,7 @@ def underpowered(campaign: Campaign) -> Iterator[Defect]:
             )
             yield Defect(
                 f"{label(one)} and {label(other)} differ by {100 * seen:.0f} points in success "
-                f"({good}/{n}, {well}/{m}); so many rollouts show {able}.",
+                f"({good}/{n}, {well}/{m}); this number of rollouts shows {able}.",
                 "record more rollouts, or compare by pairs (safestage compare says how many would do)",
                 field="success",
             )

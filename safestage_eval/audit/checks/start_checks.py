@@ -18,7 +18,7 @@ from safestage_eval.audit.finding import Defect
     title="several seeds begin in the same state",
     why="Rollouts from one initial state count as if they were independent: the rates say nothing of "
     "other states, and their intervals are too narrow.",
-    example="ten seeds of a task, of which all have the bowl at the same place",
+    example="ten seeds of a task that all have the bowl at the same place",
     issue="huggingface/lerobot#2899",
     cheap=True,
 )
