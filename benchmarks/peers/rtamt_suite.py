@@ -96,7 +96,9 @@ class Recorder:
 
     def pastify(self) -> None:
         """Answers come later."""
-        self._run.why_not = "is answered later: pastified, so that a window is over when it is answered"
+        self._run.why_not = (
+            "is answered later: pastified, so that a window is over when it is answered"
+        )
         self._real.pastify()
 
     def set_sampling_period(self, *args: Any) -> None:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 
 import pytest
 from studio import block, run
@@ -236,7 +237,7 @@ def test_csv_and_markdown_and_table_hold_the_flip(shelf):
         text = run(*arguments, "-f", form).text
         assert "violation → pass" in text
         assert "edge: 2 cm → 1 cm" in text
-        assert "100.0 %" in text or "50.0 %" in text
+        assert re.search(r"VR\W.*\d\.\d % \d+/\d+\W.*\d\.\d % \d+/\d+", text)
 
 
 @pytest.mark.parametrize(
