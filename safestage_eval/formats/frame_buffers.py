@@ -81,7 +81,7 @@ class FrameBuffers:
 def put(row: NDArray[np.float32], values: ArrayLike, name: str) -> None:
     """Copy without broadcasting (one pose must not become everybody's); a number is a row of one.
 
-    What is too large for float32 becomes infinite, which no trace may hold.
+    What is too large for float32 becomes infinite, which no trace may hold; NumPy warns of it.
 
     Raises:
         ValueError: the shapes differ.
@@ -89,8 +89,7 @@ def put(row: NDArray[np.float32], values: ArrayLike, name: str) -> None:
     shape = values.shape if isinstance(values, np.ndarray) else np.shape(values)
     if (shape or (1,)) != row.shape:
         raise ValueError(f"{name} has shape {shape}, expected {row.shape}")
-    with np.errstate(over="ignore"):
-        row[...] = values
+    row[...] = values
 
 
 def doubled(array: NDArray[Any]) -> NDArray[Any]:

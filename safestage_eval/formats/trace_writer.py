@@ -167,24 +167,25 @@ class TraceWriter:
                 "strictly increasing timestamps",
             )
         try:
-            if isinstance(poses, np.ndarray):
-                put(buffers.pose[n], poses, "poses")
-            else:
-                self._put_poses(n, poses)
-            if twists is None:
-                buffers.twist[n] = 0
-            elif isinstance(twists, np.ndarray):
-                put(buffers.twist[n], twists, "twists")
-            else:
-                self._put_twists(n, twists)
-            for name, values in zip(ROBOT_COLUMNS, robot, strict=True):
-                row = buffers.robot[name][n]
-                if values is not None:
-                    put(row, values, name)
-                elif len(row):
-                    raise KeyError(name)
-            for key, column in buffers.channels.items():
-                column[n] = (channels or {})[key]
+            with np.errstate(over="ignore"):
+                if isinstance(poses, np.ndarray):
+                    put(buffers.pose[n], poses, "poses")
+                else:
+                    self._put_poses(n, poses)
+                if twists is None:
+                    buffers.twist[n] = 0
+                elif isinstance(twists, np.ndarray):
+                    put(buffers.twist[n], twists, "twists")
+                else:
+                    self._put_twists(n, twists)
+                for name, values in zip(ROBOT_COLUMNS, robot, strict=True):
+                    row = buffers.robot[name][n]
+                    if values is not None:
+                        put(row, values, name)
+                    elif len(row):
+                        raise KeyError(name)
+                for key, column in buffers.channels.items():
+                    column[n] = (channels or {})[key]
         except KeyError as error:
             raise TraceError(
                 self._where,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -143,6 +143,35 @@ def _confirmed(evaluator: Evaluator, goal: ast.GoalDef, margin: F64) -> Bool:
     return out
 
 
+def _needs(
+    rules: ast.RuleSet, goal: ast.GoalDef, players: Mapping[str, Sequence[str]]
+) -> Iterator[tuple[ast.Atom, dict[str, str]]]:
+    """Relations and signals that must all hold for a goal to hold, each with role → body."""
+    names = [name for name, _ in goal.roles]
+    if any(not players.get(name) for name in names):
+        return
+    for bodies in itertools.product(*(players[name] for name in names)):
+        yield from _parts(rules, goal.require, dict(zip(names, bodies, strict=True)))
+
+
+def _parts(
+    rules: ast.RuleSet, condition: ast.Condition, env: dict[str, str]
+) -> Iterator[tuple[ast.Atom, dict[str, str]]]:
+    """Of a condition: the states in it are taken apart as long as they hold just when their condition does."""
+    for atom in condition.atoms:
+        if isinstance(atom, ast.SignalAtom):
+            yield atom, env
+        elif isinstance(atom, ast.StateAtom):
+            state = rules.states.get(atom.call.name)
+            if state is None:
+                yield atom, env
+            elif atom.want and not any(
+                (state.for_, state.gap, state.also, state.until, state.fallback, state.perhaps)
+            ):
+                bodies = [env.get(arg, arg) for arg in atom.call.args]
+                yield from _parts(rules, state.when, dict(zip(state.of, bodies, strict=True)))
+
+
 class GoalMonitor:
     """Watches a rollout while it is recorded, and says when the goal was reached."""
 
@@ -164,6 +193,7 @@ class GoalMonitor:
             frame_dt: s between recorded frames.
         """
         self._rules, self._goal, self._params, self._players = rules, goal, params, players
+        self._needs = list(_needs(rules, goal, players))
         self.window_frames = self._lookback(frame_dt)
         """How many past frames ``update`` needs, besides the new ones; None for all of them."""
 
@@ -196,8 +226,24 @@ class GoalMonitor:
         signals.gaps.whole = False
         evaluator = Evaluator(Relations(signals), self._rules, self._params, None, causal=True)
         start = max(0, len(window) - new)
+        if self._ruled_out(evaluator, start):
+            return None
         frame = first_success(evaluator, self._goal, self._players, start=start).frame
         return None if frame is None else float(window.t[frame])
+
+    def _ruled_out(self, evaluator: Evaluator, start: int) -> bool:
+        """Whether one thing that the goal needs is lacking in all frames from ``start`` on.
+
+        What ruled it out last time is asked first: it takes a fifth of the time of all of it.
+        """
+        evaluator.players = self._players
+        for place, (atom, env) in enumerate(self._needs):
+            if evaluator.costly.asked(atom):
+                continue
+            if (evaluator.atom(atom, env).lower[start:] < 0).all():
+                self._needs.insert(0, self._needs.pop(place))
+                return True
+        return False
 
     def _looks_far_back(self, name: str) -> bool:
         computed = self._rules.derived.get(name)
