@@ -17,6 +17,8 @@ FOLDER = Path(__file__).parent / "checkpoints"
 ABOUT = "safestage"
 """Key of the file's metadata under which stands what acting needs to know, as JSON."""
 INPUTS = ("arm", "objects", "start", "prompt", "clock", "noise")
+PICTURE_INPUTS = ("arm", "prompt", "clock", "noise", "pictures", "first")
+"""The same of a network that sees pictures instead of poses."""
 
 
 def shipped() -> tuple[str, ...]:
@@ -57,13 +59,14 @@ class Checkpoint:
             text = self._session.get_modelmeta().custom_metadata_map[ABOUT]
             self.about: dict[str, Any] = json.loads(text)
             self.play, self.noise = int(self.about["play"]), int(self.about["noise"])
+            self.pictures = bool(self.about.get("pictures"))
         except Exception as error:  # noqa: BLE001 - onnxruntime's errors have no common ancestor of their own
             raise InputError(
                 str(path), f"no checkpoint of `safestage learn train`: {error}"
             ) from None
         self._wanted = {each.name for each in self._session.get_inputs()}
 
-    def answer(self, **inputs: NDArray[np.float32]) -> NDArray[np.float32]:
+    def answer(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
         """(chunk, ANSWER) of one observation's inputs, each with a first axis of 1."""
         given = {name: value for name, value in inputs.items() if name in self._wanted}
         (result,) = self._session.run(["answer"], given)

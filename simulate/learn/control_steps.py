@@ -43,6 +43,15 @@ class ControlSteps:
         return len(self.state)
 
 
+def control_rows(episode: Episode) -> NDArray[np.int64]:
+    """Frames at which the policy was asked, up to the episode's success."""
+    success = episode.header.success_time
+    until = success if success is not None else float(episode.t[-1])
+    rows = np.arange(0, len(episode), FRAMES_PER_ACTION)
+    result: NDArray[np.int64] = rows[episode.t[rows] < until]
+    return result
+
+
 def control_steps(episode: Episode) -> ControlSteps:
     """The control steps of an episode recorded by ``safestage record``.
 
@@ -57,9 +66,7 @@ def control_steps(episode: Episode) -> ControlSteps:
             where, "has not the seven joints, the gripper and their commands of the DROID arm.",
             fix="record it with `safestage record`",
         )  # fmt: skip
-    until = header.success_time if header.success_time is not None else float(episode.t[-1])
-    rows = np.arange(0, len(episode), FRAMES_PER_ACTION)
-    rows = rows[episode.t[rows] < until]
+    rows = control_rows(episode)
     names = [
         body.name
         for body in header.bodies

@@ -7,6 +7,7 @@ The layout is that of LeRobot's own reader (huggingface/lerobot, ``datasets/data
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,38 @@ QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 Table = dict[str, NDArray[Any]]
 
 
+@dataclass(frozen=True)
+class Part:
+    """An episode as the dataset holds it: columns, their statistics, its prompt, and what we tell of it."""
+
+    table: Table
+    statistics: dict[str, dict[str, Any]]
+    prompt: str
+    about: dict[str, Any]
+
+    @classmethod
+    def of(cls, episode: Episode, violation: bool | None) -> Part:
+        """An episode up to its success, with what its assigned rules say.
+
+        Raises InputError for one that has no control steps of the DROID arm.
+        """
+        steps, header = control_steps(episode), episode.header
+        table: Table = {
+            STATE: steps.state, SCENE: steps.scene, ACTION: steps.action, DISTURBED: steps.disturbed,
+        }  # fmt: skip
+        about = {
+            "safestage.episode_id": header.episode_id,
+            "safestage.task": header.task or "",
+            "safestage.policy": header.policy or "",
+            "safestage.prompt": header.prompt or "",
+            "safestage.seed": header.seed,
+            "safestage.success": header.success,
+            "safestage.violation": violation,
+        }
+        statistics = {name: _statistics(column) for name, column in table.items()}
+        return cls(table, statistics, header.instruction or "", about)
+
+
 class LeRobotWriter:
     """Writes episodes one by one; ``close`` makes a dataset of them."""
 
@@ -49,34 +82,28 @@ class LeRobotWriter:
         self._prompts: dict[str, int] = {}
         self._frames = self._in_file = self._file = 0
 
-    def add(self, episode: Episode, violation: bool | None) -> int:
-        """Add an episode up to its success, with what its assigned rules say; returns its length.
-
-        Raises InputError for one that has no control steps of the DROID arm.
-        """
-        steps, header = control_steps(episode), episode.header
-        length, number = len(steps), len(self._episodes)
+    def add(self, part: Part) -> int:
+        """Add an episode; returns its length."""
+        length, number = len(part.table[STATE]), len(self._episodes)
         if self._in_file + length > FRAMES_PER_FILE:
             self._flush()
-        prompt = self._prompts.setdefault(header.instruction or "", len(self._prompts))
+        prompt = self._prompts.setdefault(part.prompt, len(self._prompts))
         rows = np.arange(length)
-        table: Table = {
-            STATE: steps.state,
-            SCENE: steps.scene,
-            ACTION: steps.action,
-            DISTURBED: steps.disturbed,
+        more: Table = {
             "timestamp": (rows / CONTROL_RATE).astype(np.float32),
             "frame_index": rows,
             "episode_index": np.full(length, number),
             "index": self._frames + rows,
             "task_index": np.full(length, prompt),
         }
-        self._waiting.append(table)
-        self._stats.append({name: _statistics(column) for name, column in table.items()})
+        self._waiting.append(part.table | more)
+        self._stats.append(
+            part.statistics | {name: _statistics(column) for name, column in more.items()}
+        )
         self._episodes.append(
             {
                 "episode_index": number,
-                "tasks": [header.instruction or ""],
+                "tasks": [part.prompt],
                 "length": length,
                 "data/chunk_index": 0,
                 "data/file_index": self._file,
@@ -84,13 +111,7 @@ class LeRobotWriter:
                 "dataset_to_index": self._frames + length,
                 "meta/episodes/chunk_index": 0,
                 "meta/episodes/file_index": 0,
-                "safestage.episode_id": header.episode_id,
-                "safestage.task": header.task or "",
-                "safestage.policy": header.policy or "",
-                "safestage.prompt": header.prompt or "",
-                "safestage.seed": header.seed,
-                "safestage.success": header.success,
-                "safestage.violation": violation,
+                **part.about,
             }
         )
         self._frames += length
@@ -164,7 +185,10 @@ def features() -> dict[str, dict[str, Any]]:
 def export(episodes: Iterable[tuple[Episode, bool | None]], folder: Path) -> Mapping[str, int]:
     """Write episodes and what their rules say as one dataset; returns id → control steps."""
     writer = LeRobotWriter(folder)
-    written = {e.header.episode_id: writer.add(e, violation) for e, violation in episodes}
+    written = {
+        episode.header.episode_id: writer.add(Part.of(episode, violation))
+        for episode, violation in episodes
+    }
     writer.close()
     return written
 

@@ -183,7 +183,7 @@ class Chunks(Network):
 
     def loss(self, inputs: Inputs, target: Tensor, mask: Tensor) -> Tensor:
         """Distance of the answers, and of the latent's distribution from a standard normal one."""
-        seen = _in_units(target) * mask[..., None]
+        seen = in_units(target) * mask[..., None]
         mean, spread = self.latent(self.encoder(inputs, seen.flatten(1))).chunk(2, -1)
         spread = spread.clamp(-8, 4)
         latent = mean + torch.exp(spread / 2) * torch.randn_like(mean)
@@ -217,18 +217,18 @@ class Diffusion(Network):
         for now, then in pairwise(levels):
             a, b = self.kept[now], self.kept[then]
             answer = self.clean(inputs, noisy, torch.full_like(noise[:, 0], float(now)))
-            clean = _in_units(answer)
+            clean = in_units(answer)
             left = (noisy - a.sqrt() * clean) / (1 - a).sqrt()
             noisy = b.sqrt() * clean + (1 - b).sqrt() * left
         return answer
 
     def loss(self, inputs: Inputs, target: Tensor, mask: Tensor) -> Tensor:
         """Squared error of the clean chunk, at a random level of noise."""
-        goal = _in_units(target) * mask[..., None]
+        goal = in_units(target) * mask[..., None]
         level = torch.randint(1, STEPS + 1, (len(goal),), device=goal.device)
         kept = self.kept[level][:, None, None]
         noisy = kept.sqrt() * goal + (1 - kept).sqrt() * torch.randn_like(goal)
-        found = _in_units(self.clean(inputs, noisy, level.float()))
+        found = in_units(self.clean(inputs, noisy, level.float()))
         weight = found.new_tensor([25.0] * 3 + [4.0] * 6 + [0.5])
         off = ((found - goal) ** 2 * weight).mean(-1)
         return (off * mask).sum() / mask.sum()
@@ -247,7 +247,8 @@ def distance(answer: Tensor, target: Tensor, mask: Tensor) -> Tensor:
     return ((place + turn + GRIP_WEIGHT * grip) * mask).sum() / mask.sum()
 
 
-def _in_units(answer: Tensor) -> Tensor:
+def in_units(answer: Tensor) -> Tensor:
+    """Answers with positions in ``STEP_UNIT``, so that all parts are of one size."""
     return torch.cat([answer[..., :3] / STEP_UNIT, answer[..., 3:]], -1)
 
 

@@ -1,9 +1,10 @@
-"""A network trained from demonstrations, acting on the poses of arm and objects and on the prompt."""
+"""A network trained from demonstrations, acting on arm and prompt, and on poses of objects or on pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 from simulate.arm.kinematics import ArmAlone
 from simulate.learn.checkpoint import opened
+from simulate.learn.picture_recipe import CAMERAS, SIZE, stacked
 from simulate.learn.policy_inputs import arm_rows, object_rows, rotation_of
 from simulate.learn.prompt_embedding import embedded
 from simulate.learn.scene_slots import filled, slot_order
@@ -31,12 +33,14 @@ class Learned:
     Its noise is drawn once an episode, so that it stays with the way it took.
     """
 
-    tracks_objects = True
+    image_size = SIZE
 
     def __init__(self, name: str, draw: Sequence[int] = (0,)) -> None:
         """Load a checkpoint, shipped or by path; ``draw`` seeds its noise. Raises InputError."""
         self.name = f"learned:{name}"
         self._checkpoint, self._draw = opened(name), draw
+        self.tracks_objects = not self._checkpoint.pictures
+        self.cameras = CAMERAS if self._checkpoint.pictures else ()
 
     def reset(self, task: str, prompt: str) -> None:
         """A new episode. Raises InputError for a task that is none of the benchmark's."""
@@ -49,19 +53,27 @@ class Learned:
         width = max(self._checkpoint.noise, 1)
         random = np.random.default_rng([*self._draw])
         self._noise = random.standard_normal((1, width)).astype(np.float32)
-        self._start: NDArray[np.float32] | None = None
+        self._start: NDArray[Any] | None = None
 
     def act(self, observation: Observation) -> F64:
         """The actions to be played before the next look."""
-        order = slot_order(observation.objects, self._roles)
-        objects = object_rows(filled(observation.objects, order)[None])
+        scene: dict[str, NDArray[Any]]
+        if self._checkpoint.pictures:
+            pictures = stacked(observation.images)[None]
+            start = pictures if self._start is None else self._start
+            scene = {"pictures": pictures, "first": start}
+        else:
+            order = slot_order(observation.objects, self._roles)
+            objects = object_rows(filled(observation.objects, order)[None])
+            start = objects[:, :, :3] if self._start is None else self._start
+            scene = {"objects": objects, "start": start}
         if self._start is None:
-            self._start, self._command = objects[:, :, :3], observation.joint_position
+            self._start, self._command = start, observation.joint_position
         opening = np.array([observation.gripper_opening])
         answer = self._checkpoint.answer(
             arm=arm_rows(_arm(), observation.joint_position[None], opening),
-            objects=objects, start=self._start, prompt=self._prompt, noise=self._noise,
-            clock=np.array([[observation.time]], np.float32),
+            prompt=self._prompt, noise=self._noise,
+            clock=np.array([[observation.time]], np.float32), **scene,
         )  # fmt: skip
         actions, command = [], self._command
         for row in answer[: self._checkpoint.play]:
