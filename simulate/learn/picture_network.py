@@ -44,8 +44,8 @@ class Eye(nn.Module):  # type: ignore[misc]
         maps = self.maps(h * (1 + self.asked(prompt)[:, :, None, None])).float()
         height, width = maps.shape[-2:]
         weight = torch.softmax(maps.flatten(2), -1).unflatten(-1, (height, width))
-        column = weight.sum(-2) @ torch.linspace(-1, 1, width, device=h.device)
-        row = weight.sum(-1) @ torch.linspace(-1, 1, height, device=h.device)
+        column = (weight.sum(-2) * torch.linspace(-1, 1, width, device=h.device)).sum(-1)
+        row = (weight.sum(-1) * torch.linspace(-1, 1, height, device=h.device)).sum(-1)
         return torch.cat([column, row, (weight * maps).sum((-1, -2))], -1)
 
 
