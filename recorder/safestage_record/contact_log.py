@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Tuple
+import io
+from typing import Any
 
 import numpy as np
 
-from .step_memory import StepMemory
+from .step_memory import HEAD, StepMemory
 from .zip_trace import CONTACT_POINT
 
-Copied = Tuple[int, bytes, bytes]
 BATCH = 1 << 21
 """Bytes of contacts that wait before they are worked out; more do not stay in a processor's cache."""
+_NONE = HEAD.pack(0, 0)
 
 
 class ContactLog:
@@ -20,48 +21,45 @@ class ContactLog:
     def __init__(self, model: Any, memory: StepMemory, geom_index: Any, pyramidal: bool) -> None:
         """``geom_index``: (ngeom,) MuJoCo geom id → index in the trace, −1 for none."""
         self._memory = memory
-        self._geom_index = np.append(geom_index, -1)  # flexible bodies have the shape −1
-        self._geom_body = model.geom_bodyid.astype(np.int64)
+        # flexible bodies have the shape −1; bodies of shapes that the trace lacks count as one
+        self._geom_index = np.append(geom_index, -1)
+        self._bodies = model.nbody + 1
+        self._geom_body = np.append(model.geom_bodyid, 0).astype(np.int64)
+        self._geom_body[self._geom_index < 0] = model.nbody
         self._pyramidal = pyramidal
-        self._contacts, self._forces = _Store(), _Store()
-        self._sizes: list[int] = []
-        self._widths: list[int] = []
+        # Memory that is used again: what is allocated anew costs a page fault every 4 kB.
+        self._block = io.BytesIO()
+        self._write, self._copy = self._block.write, memory.copy
+        self._lengths: list[int] = []
         self._ends: list[int] = []
         self._frame = self._given = 0
         self._done: list[tuple[Any, Any]] = []
+        self._there: Any = ()
+        self._number: Any = None
+        self._pairs = 0
         self.unrecorded = 0
         """Contacts of shapes that the trace does not have."""
-
-    def copy(self) -> Copied:
-        """How many contacts there are at this moment; they and the constraint forces, as bytes."""
-        memory = self._memory
-        count = memory.ncon.value
-        if not count:
-            return 0, b"", b""
-        return count, memory.contacts(count).tobytes(), memory.forces().tobytes()
 
     def take(self) -> None:
         """Take the forces of a step between two frames.
 
         Only a pair that no frame shows has a row of such a step, and it has no force.
         """
-        memory = self._memory
-        count = memory.ncon.value
-        if count:
-            self._add(count, memory.contacts(count), memory.forces())
+        step = self._copy()
+        if step:
+            self._lengths.append(self._write(step))
 
-    def take_frame(self, copied: Copied | None = None) -> None:
-        """Take the contacts of a frame, which ends with it: a ``copy``, or those that are now."""
-        before = len(self._sizes)
-        if copied is None:
-            self.take()
-        elif copied[0]:
-            self._add(*copied)
-        if len(self._sizes) == before:
-            self._add(0, b"", b"")
-        self._ends.append(len(self._sizes))
+    def take_last(self) -> None:
+        """Take the contacts of a step that a frame may end with."""
+        self._lengths.append(self._write(self._copy() or _NONE))
+
+    def end_frame(self, contacts: bytes | None = None) -> None:
+        """Say that a frame ends, with the step that was taken last or with these contacts."""
+        if contacts is not None:
+            self._lengths.append(self._write(contacts or _NONE))
+        self._ends.append(len(self._lengths))
         self._frame += 1
-        if self._contacts.used > BATCH:
+        if self._block.tell() > BATCH:
             self._work_out()
 
     def finish(self) -> tuple[Any, Any]:
@@ -75,166 +73,178 @@ class ContactLog:
         self._done, self._given = [], self._frame
         return np.concatenate(points), counts.astype(np.int64)
 
-    def _add(self, count: int, contacts: Any, forces: Any) -> None:
-        self._sizes.append(count)
-        self._widths.append(len(forces))
-        self._contacts.add(contacts)
-        self._forces.add(forces)
-
     def _work_out(self) -> None:
         """Turn what waits into points; steps after the last frame wait on."""
         if not self._ends:
             return
         ends = np.array(self._ends)
-        sizes = np.array(self._sizes[: ends[-1]], np.int64)
-        widths = np.array(self._widths[: ends[-1]], np.int64)
-        del self._sizes[: ends[-1]], self._widths[: ends[-1]], self._ends[:]
-        number = np.repeat(
-            np.arange(self._frame - len(ends), self._frame), np.diff(ends, prepend=0)
-        )
-        is_frame = np.zeros(len(number), bool)
-        is_frame[ends - 1] = True
-        if sizes.any():
-            self._make_points(number, is_frame, sizes, np.cumsum(widths) // _FORCE)
-            self._contacts.drop(int(sizes.sum()) * self._memory.kind.itemsize)
-            self._forces.drop(int(widths.sum()))
+        lengths = np.array(self._lengths[: ends[-1]], np.int64)
+        del self._lengths[: ends[-1]], self._ends[:]
+        with self._block.getbuffer() as block:
+            used = int(lengths.sum())
+            if self._memory.fields and used > len(lengths) * HEAD.size:
+                every = _Contacts(block[:used], lengths, self._memory, self._pyramidal)
+                self._make_points(every, ends)
+                every.release()
+            rest = bytes(block[used : self._block.tell()])
+        self._block.seek(0)
+        self._write(rest)
 
-    def _make_points(self, number: Any, is_frame: Any, sizes: Any, ends: Any) -> None:
+    def _make_points(self, every: _Contacts, ends: Any) -> None:
         """Make points of the contacts of steps.
 
         Args:
-            number: (S,) the frame that each step belongs to, ascending.
-            is_frame: (S,) whether the step is the frame's own.
-            sizes: (S,) contacts of each step.
-            ends: (S,) where the constraint forces of each step end.
+            every: contacts of S steps.
+            ends: (F,) where the steps of each frame end; the last one is the frame's own.
         """
-        many = int(sizes.sum())
-        every = self._contacts.first(many, self._memory.kind)
-        step = np.repeat(np.arange(len(sizes)), sizes)
-        own = every["efc_address"].astype(np.int64)
-        active = own >= 0
-        table = _Rows(
-            every,
-            row=np.maximum(own, 0) + np.append(0, ends[:-1])[step],
-            force=self._forces.first(int(ends[-1]) + 1, np.dtype(np.float64)),
-            pyramidal=self._pyramidal,
-        )
-        normal = np.where(active, table.normal(), 0.0)
-        keep = active & ((normal > 0) | (every["dist"] <= 0))
-        first, second = self._geom_index[every["geom"].T]
-        known = (first >= 0) & (second >= 0)
-        self.unrecorded += int((keep & ~known).sum())
-        rows = np.flatnonzero(keep & known)
+        frames = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+        step, normal, geom = every.step, every.normal(), every.geoms()
+        code = self._geom_body[geom[0]] * self._bodies + self._geom_body[geom[1]]
+        touch = normal > 0
+        weak = np.flatnonzero(~touch)
+        touch[weak] = every.active[weak] & (every.floats("dist", weak) <= 0)
+        pair, many = self._number_pairs(code)
+        self.unrecorded += int((touch & (pair < 0)).sum())
+        rows = np.flatnonzero(touch & (pair >= 0))
         if not len(rows):
             return
-        step, normal = step[rows], normal[rows]
-        whole, at = is_frame[step], number[step]
-        pair, peaks = self._pair_peaks(step, normal, every["geom"][rows].T, number)
+        step, normal, pair = step[rows], normal[rows], pair[rows]
+        sums = np.bincount(step * many + pair, normal, len(frames) * many).reshape(-1, many)
+        peaks = np.maximum.reduceat(sums, np.append(0, ends[:-1])).ravel()
+        is_frame = np.zeros(len(frames), bool)
+        is_frame[ends - 1] = True
+        at, whole = frames[step], is_frame[step]
         # a pair that touched between two frames only has one row, without force
-        of_frame = (at - number[0]) * peaks.shape[1] + pair
-        there = np.full(peaks.size, -1)
-        there[of_frame[::-1]] = np.arange(len(rows))[::-1]  # the first of each pair
-        there[of_frame[whole]] = -1
-        extra = there[there >= 0]
-        chosen = np.concatenate([np.flatnonzero(whole), extra])
-        chosen = chosen[np.argsort(at[chosen], kind="stable")]
-        points = np.zeros(len(chosen), CONTACT_POINT)
+        of_frame = at * many + pair
+        own = np.flatnonzero(whole)
+        there = np.zeros(len(peaks), bool)
+        there[of_frame[own]] = True
+        others = np.flatnonzero(~there[of_frame])
+        chosen = own
+        if len(others):
+            _, first = np.unique(of_frame[others], return_index=True)
+            chosen = np.concatenate([own, others[first]])
+            chosen = chosen[np.argsort(at[chosen], kind="stable")]
         some = rows[chosen]
-        points["position"] = every["pos"][some]
-        points["normal"] = every["frame"][some, :3]
-        points["force"] = table.forces(some, normal[chosen]) * whole[chosen][:, None]
-        points["peak_force"] = peaks.ravel()[of_frame[chosen]]
-        points["depth"] = -every["dist"][some]
-        points["geom1"], points["geom2"] = first[some], second[some]
-        self._done.append((points, at[chosen]))
+        points = np.zeros(len(chosen), CONTACT_POINT)
+        points["position"] = every.floats("pos", some, 3)
+        axes = every.floats("frame", some, 9)
+        points["normal"] = axes[:, :3]
+        force = every.forces(some, normal[chosen], axes)
+        points["force"] = force * whole[chosen][:, None]
+        points["peak_force"] = peaks[of_frame[chosen]]
+        points["depth"] = -every.floats("dist", some)
+        points["geom1"], points["geom2"] = self._geom_index[geom[:, some]]
+        self._done.append((points, at[chosen] + (self._frame - len(ends))))
 
-    def _pair_peaks(self, step: Any, normal: Any, geom: Any, number: Any) -> tuple[Any, Any]:
-        """The pair of bodies of each contact, and each pair's largest force in a step of each frame.
+    def _number_pairs(self, code: Any) -> tuple[Any, int]:
+        """Number the pairs of bodies that touch.
 
         Args:
-            step: (C,) number of the step, ascending.
-            normal: (C,) N.
-            geom: (2, C) MuJoCo's ids.
-            number: (S,) number of the frame that each step belongs to, ascending.
+            code: (C,) first body × ``_bodies`` + second body.
 
         Returns:
-            (C,) numbers of pairs from 0 on, and (F, P) N, frames from ``number[0]`` on.
+            (C,) number of the pair, from 0 on, in whatever order its bodies stand, and −1 where the
+            trace does not have a body's shape; how many pairs there are.
         """
-        first, second = self._geom_body[geom]
-        code = np.minimum(first, second) * (int(self._geom_body.max()) + 1)
-        code += np.maximum(first, second)
-        there = np.bincount(code) > 0
-        pair = (np.cumsum(there) - 1)[code]
-        many = int(there.sum())
-        sums = np.bincount(step * many + pair, normal, len(number) * many).reshape(-1, many)
-        begins = np.flatnonzero(np.diff(number, prepend=-1))
-        return pair, np.maximum.reduceat(sums, begins)
+        many = self._bodies
+        there = np.flatnonzero(np.bincount(code, minlength=many * many))
+        if not np.array_equal(there, self._there):
+            bodies = np.sort(np.stack(np.divmod(there, many)), axis=0)
+            pairs, number = np.unique(bodies[0] * many + bodies[1], return_inverse=True)
+            self._there, self._pairs = there, len(pairs)
+            self._number = np.full(many * many, -1)
+            self._number[there] = np.where(bodies[1] < many - 1, number.ravel(), -1)
+        return self._number[code], self._pairs
 
 
-class _Rows:
-    """Contacts of many steps, with the constraint forces of all of them in one array."""
+class _Contacts:
+    """The contacts of many steps and their constraint forces, where they lie among each other.
 
-    def __init__(self, every: Any, row: Any, force: Any, pyramidal: bool) -> None:
-        """``every``: (C,) MuJoCo's contacts; ``row``: (C,) where the force of each begins."""
-        self._every, self._row, self._dim = every, row, every["dim"].astype(np.int64)
-        self._force, self._pyramidal = force, pyramidal
+    Attributes:
+        step: (C,) number of the step that each contact belongs to, ascending.
+        active: (C,) whether it has constraint forces.
+    """
 
-    def _at(self, k: int, least: int, some: Any) -> Any:
-        """The k-th constraint force of contacts, 0 of those of a lesser dimension."""
-        row = np.minimum(self._row[some] + k, len(self._force) - 1)
-        return np.where(self._dim[some] >= least, self._force[row], 0.0)
+    def __init__(
+        self, block: memoryview, lengths: Any, memory: StepMemory, pyramidal: bool
+    ) -> None:
+        """Find the contacts.
+
+        Args:
+            block: what ``StepMemory.copy`` gave of one step after the other.
+            lengths: (S,) bytes of each step.
+            memory: what it was copied from.
+            pyramidal: whether friction cones are pyramids.
+        """
+        self._floats = np.frombuffer(block, np.float64)
+        self._ints = np.frombuffer(block, np.int32)
+        self._fields, self._pyramidal = memory.fields, pyramidal
+        starts = np.cumsum(lengths) - lengths
+        sizes = self._ints[starts >> 2].astype(np.int64)
+        starts += HEAD.size
+        self.step = np.repeat(np.arange(len(lengths)), sizes)
+        within = np.arange(len(self.step)) - (np.cumsum(sizes) - sizes)[self.step]
+        self._at = []
+        for window in memory.windows:
+            self._at.append(starts[self.step] + within * window)
+            starts += sizes * window
+        address = self._int("efc_address")
+        self.active = address >= 0
+        self._row = (starts >> 3)[self.step] + address
+        self._dim = self._int("dim")
+
+    def release(self) -> None:
+        """Let go of the memory that the contacts lie in."""
+        del self._floats, self._ints
+
+    def _int(self, name: str, k: int = 0) -> Any:
+        """(C,) the k-th number of a field."""
+        window, offset, _ = self._fields[name]
+        return self._ints[(self._at[window] + (offset + 4 * k)) >> 2]
+
+    def geoms(self) -> Any:
+        """(2, C) MuJoCo's ids of the shapes."""
+        return np.stack([self._int("geom"), self._int("geom", 1)])
+
+    def floats(self, name: str, some: Any, width: int = 1) -> Any:
+        """(K,), or (K, width), numbers of contacts ``some`` (K,)."""
+        window, offset, _ = self._fields[name]
+        first = (self._at[window][some] + offset) >> 3
+        return self._floats[first if width == 1 else first[:, None] + np.arange(width)]
 
     def normal(self) -> Any:
-        """(C,) N, normal force; of a pyramid the sum of its edges."""
-        row, edges = self._row, 2 * (self._dim - 1)
-        if not self._pyramidal:
-            return self._force[row]
-        ends = np.minimum(row + np.maximum(edges, 1), len(self._force) - 1)
-        return np.add.reduceat(self._force, np.stack([row, ends], axis=1).ravel())[::2]
+        """(C,) N, normal force; of a pyramid the sum of its edges; 0 where there is no force."""
+        edges = np.maximum(2 * (self._dim - 1), 1) if self._pyramidal else np.ones_like(self._dim)
+        many = int(edges.max(initial=1))
+        total = self._edge(0, self.active, slice(None))
+        same = int(edges.min(initial=many)) == many
+        for k in range(1, many):
+            there = self.active if same else self.active & (edges > k)
+            total += self._edge(k, there, slice(None))
+        return total
 
-    def forces(self, some: Any, normal: Any) -> Any:
-        """(K, 3) N, the whole force on the second geom in the world (as ``mju_decodePyramid``)."""
-        axes = self._every["frame"][some].reshape(-1, 3, 3)
-        friction = self._every["friction"][some]
+    def _edge(self, k: int, there: Any, some: Any) -> Any:
+        """The k-th constraint force of contacts, 0 where there is none."""
+        return np.where(there, self._floats.take(self._row[some] + k, mode="clip"), 0.0)
+
+    def forces(self, some: Any, normal: Any, axes: Any) -> Any:
+        """(K, 3) N, the whole force on the second geom in the world (as ``mju_decodePyramid``).
+
+        Args:
+            some: (K,) contacts.
+            normal: (K,) N.
+            axes: (K, 9) the frame of each contact, the normal first.
+        """
+        axes = axes.reshape(-1, 3, 3)
+        there = self.active[some] & (self._dim[some] >= 3)
+        friction = self.floats("friction", some, 2)
         force = normal[:, None] * axes[:, 0]
         for k in (0, 1):
             if self._pyramidal:
-                difference = self._at(2 * k, 3, some) - self._at(2 * k + 1, 3, some)
+                difference = self._edge(2 * k, there, some) - self._edge(2 * k + 1, there, some)
                 along = friction[:, k] * difference
             else:
-                along = self._at(k + 1, 3, some)
+                along = self._edge(k + 1, there, some)
             force += along[:, None] * axes[:, k + 1]
         return force
-
-
-class _Store:
-    """Bytes one after another, in memory that is used again."""
-
-    def __init__(self) -> None:
-        self._block = memoryview(bytearray(BATCH // 4))
-        self.used = 0
-
-    def add(self, some: Any) -> None:
-        """Copy bytes to the end."""
-        at = self.used
-        end = at + len(some)
-        if end + _FORCE > len(self._block):
-            larger = memoryview(bytearray(2 * end + _FORCE))
-            larger[:at] = self._block[:at]
-            self._block = larger
-        self._block[at:end] = some
-        self.used = end
-
-    def first(self, count: int, kind: Any) -> Any:
-        """(count,) the first elements, where they lie; one more than there are may be asked for."""
-        return np.frombuffer(self._block, kind, count)
-
-    def drop(self, size: int) -> None:
-        """Remove the first bytes."""
-        rest = bytes(self._block[size : self.used])
-        self._block[: len(rest)] = rest
-        self.used = len(rest)
-
-
-_FORCE = 8
-"""Bytes of a constraint force, a float64."""

@@ -184,9 +184,10 @@ class IsaacLabRecorder(RolloutRecorder):
 
     # ------------------------------------------------------------------ frames
 
-    def _end_step(self) -> None:
+    def _end_step(self) -> float:
         self._count += 1
         self._take_frame()
+        return self.time
 
     def _sees(self) -> bool:
         return False

@@ -62,10 +62,13 @@ class Journal:
             for name, values in kept.items()
         }
         text = json.dumps({"facts": facts, "arrays": about}).encode()
-        parts = [_SIZE.pack(len(text)), text, *(values.tobytes() for values in kept.values())]
-        content = b"".join(parts)
+        parts: list[Any] = [_SIZE.pack(len(text)), text, *kept.values()]
+        crc = 0
+        for part in parts:
+            crc = zlib.crc32(part, crc)
+        size = len(text) + _SIZE.size + sum(values.nbytes for values in kept.values())
         try:
-            self._stream.write(_HEAD.pack(len(content), zlib.crc32(content)) + content)
+            self._stream.write(b"".join([_HEAD.pack(size, crc), *parts]))
         except OSError as error:
             raise RecordError(
                 f"{self.path}: cannot be written: {error.strerror or error}."

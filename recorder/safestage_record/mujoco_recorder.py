@@ -9,7 +9,8 @@ import numpy as np
 
 from . import step_hook
 from .body_facts import BodyFacts, Opening
-from .contact_log import ContactLog, Copied
+from .contact_log import ContactLog
+from .frame_views import FrameViews
 from .model_scene import ModelScene, body_names
 from .rollout_recorder import FRAME_DT, RolloutRecorder
 from .step_memory import StepMemory
@@ -78,7 +79,6 @@ class MujocoRecorder(RolloutRecorder):
             role: [names[scene.whole.get(names.index(n), names.index(n))] for n in some]
             for role, some in told.roles.items()
         }
-        self._roots = model.body_rootid[scene.movable]
         self._bodies, self._joints, self._meshes = scene.bodies, scene.joints, scene.meshes
         self._without_shape = scene.without_shape
         self._version_of_simulator = mujoco.__version__
@@ -87,27 +87,27 @@ class MujocoRecorder(RolloutRecorder):
         pyramidal = int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
         memory = StepMemory(data, self._scratch)
         self._contact_log = ContactLog(model, memory, scene.geom_index, pyramidal)
-        self._clock = memory.time
+        self._copy_contacts, self._clock = memory.copy, memory.time
         self._runge_kutta = int(model.opt.integrator) == int(mujoco.mjtIntegrator.mjINT_RK4)
-        self._views = (data.xpos, data.xquat, data.cvel, data.subtree_com, data.qfrc_actuator)
-        self._coordinates = (data.qpos, data.qvel)
+        self._views = FrameViews(model, data, scene)
+        self._gap = (frame_dt or 0.0) - 0.5 * self._physics_dt
         self._seen = self._since = 0
         self._counted = False
-        self._held: tuple[Any, ...] | None = None
-        self._whole = False
-        self._fresh, self._unsure = True, 8
-        self._joint_state = self._read_joints()
+        self._held: tuple[float, bytes, bytes | None] | None = None
+        self._whole = self._taken = False
+        self._late, self._unsure = 0.0, 3
+        self._joint_state = self._views.joints()
         self._moment = self._started = self._latest = self._clock.value
-        self._next = -np.inf
+        self._next = self._last = -np.inf
         if self._at_present() is not False and np.any(data.xquat[1:]):
-            self._take_frame(self._look())
+            self._take_frame()
         if substeps:
             step_hook.watch(mujoco, data, self)
 
     @property
     def time(self) -> float:
         """s, time of the simulation."""
-        return float(self._clock.value)
+        return self._clock.value  # type: ignore[no-any-return]
 
     def substep(self) -> None:
         """Look at the forces of a physics step; only where ``mujoco.mj_step`` is not what steps."""
@@ -121,9 +121,9 @@ class MujocoRecorder(RolloutRecorder):
     def take_steps(self, step: Callable[..., None], model: Any, data: Any, count: int) -> None:
         """Take physics steps; where none of them can be a frame, look at its contacts alone."""
         clock, take, every = self._clock, self._contact_log.take, self._frame_dt is None
-        passed = 0
+        whole, passed = self._runge_kutta, 0
         for last in range(count - 1, -1, -1):
-            if self._runge_kutta or (not last if every else clock.value > self._next):
+            if (not last if every else clock.value > self._next) or whole:
                 self.before_step()
                 step(model, data)
                 self.after_step()
@@ -131,52 +131,75 @@ class MujocoRecorder(RolloutRecorder):
                 step(model, data)
                 take()
                 passed += 1
-        self._seen += passed
-        self._since += passed
-        self._whole = self._whole or passed > 0
+        if passed:
+            self._seen += passed
+            self._since += passed
+            self._whole = True
 
     def before_step(self) -> None:
         """A physics step begins: joints are now what its poses will be."""
         self._moment = moment = self._clock.value
         if moment > self._next or self._frame_dt is None:
-            self._joint_state = self._read_joints()
+            self._joint_state = self._views.joints()
             self._held = None
 
     def after_step(self) -> None:
         """A physics step has ended; contacts and forces are of the moment before it."""
         if self._runge_kutta:
-            self._moment, self._joint_state = self._clock.value, self._read_joints()
+            self._moment, self._joint_state = self._clock.value, self._views.joints()
         self._seen += 1
         self._since += 1
         self._whole = True
         if self._moment > self._next and self._frame_dt is not None:
-            self._take_frame(self._look())
+            self._take_frame()
+        elif self._frame_dt is None:
+            self._contact_log.take_last()
+            self._taken = True
         else:
             self._contact_log.take()
 
     def before_contacts(self) -> None:
-        """Contacts are about to be found anew without forces: keep those of the step before."""
+        """Contacts are about to be found anew without forces: keep what the step before left."""
         if self._whole and self._frame_dt is None:
-            self._held, self._whole = (self._look(), self._contact_log.copy()), False
+            contacts = None if self._taken else self._copy_contacts()
+            self._held = self._moment, self._views.copy(self._joint_state), contacts
+            self._whole = False
 
     def after_forward(self) -> None:
         """All of the data belongs to the present moment."""
-        self._moment, self._joint_state = self._clock.value, self._read_joints()
-        self._held, self._whole = None, True
+        self._moment, self._joint_state = self._clock.value, self._views.joints()
+        self._held, self._whole, self._taken = None, True, False
 
     # ------------------------------------------------------------------ inside
 
-    def _end_step(self) -> None:
-        if not self._since:  # nobody told of steps: look whether poses are those of this moment
-            present = self._at_present() if self._unsure else None
-            if present is not None:
-                self._fresh, self._unsure = present, self._unsure - 1
-            late = not (self._fresh or self._runge_kutta)
-            self._moment = self._clock.value - (self._physics_dt if late else 0.0)
-            self._joint_state = self._read_joints()
-        if self._frame_dt is None or not self._since:
-            self._take_frame(*(self._held or (self._look(),)))
+    def _end_step(self) -> float:
+        now: float = self._clock.value
+        if now < self._latest:
+            self._refuse(now)
+        if not self._since:  # nobody told of steps
+            if self._unsure:
+                self._ask_whether_late()
+            if self._take_moment(now - self._late):
+                self._waiting.append(self._views.copy_all())
+                self._contact_log.end_frame(self._copy_contacts())
+            return now
         self._since = 0
+        if self._frame_dt is None:
+            held = self._held
+            if held is None:
+                self._take_frame()
+            elif self._take_moment(held[0]):
+                self._waiting.append(held[1])
+                self._contact_log.end_frame(held[2])
+                self._taken = False
+        return now
+
+    def _ask_whether_late(self) -> None:
+        """Look whether poses are those of this moment, or of the physics step before."""
+        present = self._at_present()
+        if present is not None:
+            self._unsure -= 1
+            self._late = 0.0 if present or self._runge_kutta else self._physics_dt
 
     def _watch_no_more(self) -> None:
         step_hook.unwatch(self._mj, self._data)
@@ -184,28 +207,23 @@ class MujocoRecorder(RolloutRecorder):
     def _sees(self) -> bool:
         return self._counted or self._seen > 0
 
-    def _read_joints(self) -> tuple[Any, Any]:
-        qpos, qvel = self._coordinates
-        return qpos.tobytes(), qvel.tobytes()
+    def _take_moment(self, moment: float) -> bool:
+        """Begin a frame; there is none of the moment of the last one."""
+        if moment <= self._last:
+            return False
+        if not self._times:
+            self._still = self._views.still()
+        self._last = moment + 1e-9
+        self._next = moment + self._gap
+        self._times.append(moment)
+        return True
 
-    def _look(self) -> tuple[Any, ...]:
-        """Copy what the data show, as bytes: moment, poses, velocities, joints."""
-        xpos, xquat, cvel, com, torque = self._views
-        return (
-            self._moment,
-            xpos.tobytes(),
-            xquat.tobytes(),
-            cvel.tobytes(),
-            com.tobytes(),
-            torque.tobytes(),
-            self._joint_state,
-        )
-
-    def _take_frame(self, look: tuple[Any, ...], contacts: Copied | None = None) -> None:
-        """Keep a frame, with the contacts that are now if they were not copied at its moment."""
-        if self._keep(look[0], look[1:]):
-            self._next = look[0] + (self._frame_dt or 0.0) - 0.5 * self._physics_dt
-            self._contact_log.take_frame(contacts)
+    def _take_frame(self) -> None:
+        """Keep a frame of what belongs to the moment that was told last."""
+        if self._take_moment(self._moment):
+            self._waiting.append(self._views.copy(self._joint_state))
+            self._contact_log.end_frame(None if self._taken else self._copy_contacts())
+            self._taken = False
 
     def _at_present(self) -> bool | None:
         """Whether poses are those of the present coordinates; None where nothing moves."""
@@ -227,33 +245,7 @@ class MujocoRecorder(RolloutRecorder):
     def _fixed(self) -> tuple[Any, Any]:
         return self._still
 
-    def _columns(self, frames: list[Any]) -> dict[str, Any]:
-        *columns, joints = zip(*frames)
-        position, quat, cvel, com, torque = map(_stacked, columns, self._views)
-        q, v = map(_stacked, zip(*joints), self._coordinates)
-        moving, scene = self._scene.movable, self._scene
-        if not self._log.begun:
-            self._still = (position[0][scene.fixed], quat[0][scene.fixed])
-        place, speed = position.take(moving, axis=1), _rounded(cvel, moving)
-        # cvel is the velocity of the point of the body that is at the tree's centre of mass
-        arm = (place - com.take(self._roots, axis=1)).astype(np.float32)
-        return {
-            "position": place,
-            "orientation": _rounded(quat, moving),
-            "linear_velocity": speed[..., 3:] + np.cross(speed[..., :3], arm),
-            "angular_velocity": speed[..., :3],
-            "joint_position": q[:, scene.joint_qpos],
-            "joint_velocity": v[:, scene.joint_dof],
-            "joint_torque": torque[:, scene.joint_dof],
-            "gripper": self._opening.at(q),
-        }
-
-
-def _rounded(values: Any, bodies: Any) -> Any:
-    """(T, M, …) float32 of some bodies; ``take`` is twice as fast as an index."""
-    return values.take(bodies, axis=1).astype(np.float32)
-
-
-def _stacked(copies: Sequence[bytes], view: Any) -> Any:
-    """(T, …) of the bytes of an array at T frames."""
-    return np.frombuffer(b"".join(copies)).reshape(len(copies), *view.shape)
+    def _columns(self, frames: list[bytes]) -> dict[str, Any]:
+        columns, coordinates = self._views.columns(frames)
+        columns["gripper"] = self._opening.at(coordinates)
+        return columns

@@ -21,6 +21,8 @@ class PointRecorder(RolloutRecorder):
 
     _stands: tuple[Any, Any]
     _fingers: Sequence[int] = ()
+    _looks = True
+    """Whether physics steps between frames are looked at; they are counted in any case."""
 
     def __init__(self, path: Any, told: ToldFacts, frame_dt: float | None, **header: Any) -> None:
         """As of ``RolloutRecorder``."""
@@ -37,12 +39,15 @@ class PointRecorder(RolloutRecorder):
     def substep(self) -> None:
         """Take a physics step; call it after each where the steps are not seen."""
         self._open()
+        self._looks = True
         self.after_step()
 
     def after_step(self) -> None:
         """A physics step has ended."""
         self._seen += 1
         self._elapsed = self._seen * self._physics_dt
+        if not self._looks:
+            return
         if self._frame_dt is not None and self._elapsed > self._next:
             self._take_frame()
         else:
@@ -70,18 +75,19 @@ class PointRecorder(RolloutRecorder):
             self._next = self._elapsed + (self._frame_dt or 0.0) - 0.5 * self._physics_dt
             self._point_log.end_frame(points)
 
-    def _end_step(self) -> None:
+    def _end_step(self) -> float:
         if not self._seen:
             raise RecordError(
                 f"{self.path}: no physics step was seen since the recording began. Call "
                 "recorder.substep() after each, and step(action) after each control step."
             )
-        if self._frame_dt is None:
+        if self._frame_dt is None or not self._looks:
             self._point_log.drop_last()
             self._take_frame()
+        return self._elapsed
 
     def _sees(self) -> bool:
-        return self._seen > 0
+        return self._looks and self._seen > 0
 
     def _contacts(self) -> tuple[Any, Any]:
         return self._point_log.finish()

@@ -83,8 +83,8 @@ class PyBulletRecorder(PointRecorder):
         self._without_shape = lost
         self._describe(told, lost)
         self._take_frame()
-        if substeps:
-            _watch(pybullet, self._client, self)
+        self._looks = substeps
+        _watch(pybullet, self._client, self)
 
     # ------------------------------------------------------------------ the scene
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from pathlib import Path
+from time import monotonic
 from types import TracebackType
 from typing import Any, Sequence
 
@@ -61,15 +61,15 @@ class RolloutRecorder(ABC):
         self._fields = dict(header)
         self._log = RolloutLog(self.path)
         self._waiting: list[Any] = []
-        self._actions: list[tuple[int, Any]] = []
-        self._action: Any = None
+        self._acted: list[tuple[float, int, bytes | None]] = []
+        self._action: bytes | None = None
         self._times: list[float] = []
         self._steps: list[float] = []
         self._latest = 0.0
         self._success: bool | None = None
         self._success_time: float | None = None
         self._closed = False
-        self._flushed = time.monotonic()
+        self._due = -np.inf
         self._first: Any = None
         self._started = 0.0
 
@@ -86,23 +86,12 @@ class RolloutRecorder(ABC):
         """
         if self._closed:
             self._open()
-        now = self.time
-        if now < self._latest:
-            raise RecordError(
-                f"{self.path}: the simulation went back from {self._latest:.6g} s to {now:.6g} s. "
-                "Close this recording before a reset and begin another."
-            )
-        self._end_step()
-        self._latest = now
-        self._steps.append(now)
+        self._latest = now = self._end_step()
         if action is not None:
-            self._action = np.array(action)
-        self._actions.append((len(self._times), self._action))
-        waiting = len(self._waiting)
-        if waiting:
-            due = waiting >= MOST_WAITING or not self._log.begun
-            if due or time.monotonic() - self._flushed > LONGEST_WAIT:
-                self._flush()
+            self._action = np.array(action, np.float32).tobytes()
+        self._acted.append((now, len(self._times), self._action))
+        if len(self._waiting) >= MOST_WAITING or monotonic() > self._due:
+            self._flush()
 
     def success(self, reached: bool | None = True) -> None:
         """Say whether the task's goal is reached; the last frame is the time of the first success."""
@@ -133,7 +122,7 @@ class RolloutRecorder(ABC):
     @property
     def stepped(self) -> int:
         """Control steps so far."""
-        return len(self._steps)
+        return len(self._steps) + len(self._acted)
 
     @property
     @abstractmethod
@@ -181,8 +170,8 @@ class RolloutRecorder(ABC):
     # ------------------------------------------------------------------ what a simulator supplies
 
     @abstractmethod
-    def _end_step(self) -> None:
-        """Keep what frames a control step still lacks."""
+    def _end_step(self) -> float:
+        """Keep what frames a control step still lacks; return the simulation's time, s."""
 
     @abstractmethod
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
@@ -209,6 +198,13 @@ class RolloutRecorder(ABC):
         if self._closed:
             raise RecordError(f"{self.path}: the recording is closed. Begin another one.")
 
+    def _refuse(self, now: float) -> None:
+        """Raise RecordError: the simulation's time went back."""
+        raise RecordError(
+            f"{self.path}: the simulation went back from {self._latest:.6g} s to {now:.6g} s. "
+            "Close this recording before a reset and begin another."
+        )
+
     def _stop(self) -> None:
         self._closed = True
         self._watch_no_more()
@@ -224,13 +220,16 @@ class RolloutRecorder(ABC):
 
     def _take_actions(self, count: int) -> Any:
         """(count, A) the action of the control step that each of the last frames belongs to."""
-        ends, given = zip(*self._actions, (len(self._times), self._action))
-        self._actions = []
+        times, ends, given = zip(*self._acted, (self._latest, len(self._times), self._action))
+        self._steps += times[:-1]
+        self._acted = []
         if self._action is None:
             return np.zeros((count, 0))
-        nothing = np.zeros(self._action.size)
-        rows = [nothing if action is None else action for action in given]
-        table = np.array(rows, np.float32).reshape(len(rows), -1)
+        nothing = bytes(len(self._action))
+        block = b"".join([nothing if action is None else action for action in given])
+        if len(block) != len(given) * len(nothing):
+            raise RecordError(f"{self.path}: actions of several lengths. Allowed: always the same.")
+        table = np.frombuffer(block, np.float32).reshape(len(given), -1)
         frames = np.arange(len(self._times) - count, len(self._times))
         return table[np.searchsorted(ends, frames, side="right")]
 
@@ -253,7 +252,7 @@ class RolloutRecorder(ABC):
             scene = {"bodies": self._bodies, "joints": self._joints}
             self._log.begin(scene, self._fixed(), self._meshes)
         self._log.append(columns, self._header())
-        self._flushed = time.monotonic()
+        self._due = monotonic() + LONGEST_WAIT
 
     def _proposed(self) -> list[tuple[dict[str, Any], list[float]]]:
         return [] if self._first is None else guess_ups(self._bodies, self._first)
@@ -261,7 +260,7 @@ class RolloutRecorder(ABC):
     def _tell(self) -> dict[str, str]:
         if not self._log.begun and not self._closed:
             self._flush()
-        sees = self._sees() if self._sees() or self._steps else None
+        sees = self._sees() if self._sees() or self.stepped else None
         proposed = {body["name"]: axis for body, axis in self._proposed()}
         return report(
             self._bodies, proposed, self._told.roles, sees, self._sides_guessed, self._without_shape

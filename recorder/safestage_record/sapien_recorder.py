@@ -86,8 +86,8 @@ class SapienRecorder(PointRecorder):
         self._meshes = MeshStore()
         self._describe(told)
         self._take_frame()
-        if substeps:
-            _watch(type(self.physx), self)
+        self._looks = substeps
+        _watch(type(self.physx), self)
 
     # ------------------------------------------------------------------ the scene
 

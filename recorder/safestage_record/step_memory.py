@@ -8,6 +8,7 @@ they are not found, the attributes are read.
 from __future__ import annotations
 
 import ctypes
+import struct
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,10 @@ _POINTERS = 4096
 """Bytes behind the time among which the pointer to the forces is searched, at most."""
 _MOST_VIEWS = 4096
 _FLOAT = 8
+HEAD = struct.Struct("=ii")
+"""Before the contacts and forces of a moment: how many there are of each."""
 _offsets: dict[str, int] = {}
+_join = b"".join
 
 
 class StepMemory:
@@ -29,84 +33,96 @@ class StepMemory:
 
     Attributes:
         time: ``.value`` is the simulation's time in s.
-        ncon: ``.value`` is the number of contacts.
-        kind: structure of a contact; None before the first contact.
+        windows: bytes of each part of a contact that is copied; none before the first contact.
+        fields: by name the part that a field stands in, its offset there, and its type.
     """
 
     def __init__(self, data: Any, scratch: Any) -> None:
         """Find the numbers of ``data``; ``scratch`` are other data of its model, left as they were."""
         self._data = data
-        self.time, self.ncon, self._nefc = _numbers(data, scratch)
-        self._force: Any = None
-        self._contacts: dict[int, memoryview] = {}
-        self._forces: dict[tuple[int, int], memoryview] = {}
+        self.time, self._ncon, self._nefc = _numbers(data, scratch)
+        self._force = ctypes.c_uint64(0)  # until the pointer is found
+        self._views: dict[tuple[int, int, int], tuple[Any, ...]] = {}
         self._start = self._size = 0
-        self.kind: Any = None
+        self.windows: list[int] = []
+        self.fields: dict[str, tuple[int, int, Any]] = {}
+        self._parts: list[list[memoryview]] = []
 
-    def contacts(self, count: int) -> memoryview:
-        """View of MuJoCo's contacts; ``count`` is how many there are, at least one."""
-        view = self._contacts.get(count)
-        if view is None:
-            if self.kind is None:
-                self._find_contacts()
-            view = self._contacts[count] = _bytes(self._start, count * self._size)
-        return view
+    def copy(self) -> bytes:
+        """Contacts and constraint forces at this moment; nothing where there is no contact.
 
-    def forces(self) -> memoryview:
-        """View of MuJoCo's constraint forces, (nefc,) float64 in N or N m."""
-        if self._force is None:
-            return self._search_forces()
-        key = (self._force.value, self._nefc.value)
-        view = self._forces.get(key)
-        if view is None:
-            if len(self._forces) > _MOST_VIEWS:
-                self._forces.clear()
-            view = self._forces[key] = _bytes(key[0], key[1] * _FLOAT)
-        return view
+        Their numbers (two int32); of every part that of all contacts; the forces (float64, N or N m).
+        """
+        count = self._ncon.value
+        if not count:
+            return b""
+        try:
+            return _join(self._views[count, self._nefc.value, self._force.value])
+        except KeyError:
+            return _join(self._make_views(count, self._nefc.value))
 
     def check(self) -> None:
         """Raise RecordError where MuJoCo keeps something elsewhere than it did."""
         data = self._data
-        kept = data.time == self.time.value and data.ncon == self.ncon.value
+        kept = data.time == self.time.value and data.ncon == self._ncon.value
         kept = kept and data.nefc == self._nefc.value
-        if kept and self.kind is not None and data.ncon:
+        if kept and self.fields and data.ncon:
             kept = min(_starts(_contact_fields(data.contact)).values()) == self._start
-        if kept and self._force is not None and data.nefc:
+        if kept and self._force.value and data.nefc:
             kept = start_of(data.efc_force) == self._force.value
         if not kept:
             raise RecordError("MuJoCo moved its contacts; please report this with its version.")
 
-    def _search_forces(self) -> memoryview:
-        """The forces by MuJoCo's attribute, to find the pointer to them; it comes after the time."""
+    def _make_views(self, count: int, width: int) -> tuple[Any, ...]:
+        if not self.fields:
+            self._find_contacts()
+        if not self._force.value:
+            self._find_force()
+        force = self._force.value or start_of(self._data.efc_force)
+        for part, begin, size in zip(self._parts, self._begins, self.windows):
+            for i in range(len(part), count):
+                part.append(_bytes(self._start + i * self._size + begin, size))
+        contacts = [view for part in self._parts for view in part[:count]]
+        views = HEAD.pack(count, width), *contacts, _bytes(force, width * _FLOAT)
+        if self._force.value:
+            if len(self._views) > _MOST_VIEWS:
+                self._views.clear()
+            self._views[count, width, force] = views
+        return views
+
+    def _find_force(self) -> None:
+        """Find the pointer to the forces by MuJoCo's attribute; it comes after the time."""
         force = self._data.efc_force
         if len(force) and isinstance(self.time, ctypes.c_double):
             after, sought = ctypes.addressof(self.time) + _FLOAT, start_of(force)
             places = (ctypes.c_uint64.from_address(after + i) for i in range(0, _POINTERS, _FLOAT))
-            self._force = next((each for each in places if each.value == sought), None)
-        return _bytes(start_of(force), len(force) * _FLOAT)
+            self._force = next((each for each in places if each.value == sought), self._force)
 
     def _find_contacts(self) -> None:
         """Find where contacts lie and how, by MuJoCo's own views of each field.
 
         Their memory does not move as long as the data live: contacts stand at the start of its arena.
         """
-        fields = _contact_fields(self._data.contact)
-        starts = _starts(fields)
-        self._start, self._size = min(starts.values()), int(fields["dist"].strides[0])
-        self.kind = np.dtype(
-            {
-                "names": list(fields),
-                "formats": [
-                    (values.dtype, (2,) if name == "geom" else values.shape[1:])
-                    for name, values in fields.items()
-                ],
-                "offsets": [starts[name] - self._start for name in fields],
-                "itemsize": self._size,
-            }
-        )
+        found = _contact_fields(self._data.contact)
+        starts = _starts(found)
+        self._start, self._size = min(starts.values()), int(found["dist"].strides[0])
+        self._begins: list[int] = []
+        end = -1 << 30
+        for name in sorted(starts, key=lambda name: starts[name]):
+            kind, at = found[name].dtype, starts[name] - self._start
+            if at > end + _GAP:
+                self._begins.append(at - at % _FLOAT)
+                self.windows.append(0)
+            end = at + kind.itemsize * _WANTED.get(name, 2)
+            self.windows[-1] = -((self._begins[-1] - end) // _FLOAT) * _FLOAT
+            self.fields[name] = len(self.windows) - 1, at - self._begins[-1], kind
+        self._parts = [[] for _ in self.windows]
 
 
-_WANTED = ("efc_address", "dist", "dim", "pos", "frame", "friction")
+_WANTED = {"efc_address": 1, "dist": 1, "dim": 1, "pos": 3, "frame": 9, "friction": 2}
+"""Fields of a contact, and how many numbers of each."""
+_GAP = 64
+"""Bytes between two fields that are copied with them."""
 
 
 def _contact_fields(contact: Any) -> dict[str, Any]:
