@@ -39,8 +39,8 @@ class CacheFolder:
         self.path = Path(path).expanduser()
         self.measurements = measurements
         self._last: tuple[EpisodeRef | None, str] = None, ""
-        told = os.environ.get("SAFESTAGE_CACHE_SIZE", "")
-        self.most = most if most is not None else int(told) if told.isdigit() else MOST
+        stated = os.environ.get("SAFESTAGE_CACHE_SIZE", "")
+        self.most = most if most is not None else int(stated) if stated.isdigit() else MOST
 
     def file(self, ref: EpisodeRef, part: str) -> Path:
         """The path of one of ``PARTS``, named after where the episode is stored."""

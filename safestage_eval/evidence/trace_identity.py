@@ -61,8 +61,8 @@ def stamp(ref: EpisodeRef) -> tuple[str, int] | None:
                 return None
             continue
         changed, touched = found.st_mtime_ns, found.st_ctime_ns
-        told = f"{found.st_size} {changed} {touched} {found.st_ino} {found.st_dev}"
-        facts.append(f"{path!r} {told}")
+        text = f"{found.st_size} {changed} {touched} {found.st_ino} {found.st_dev}"
+        facts.append(f"{path!r} {text}")
         latest = max(latest, changed, touched)
     return hashlib.sha256("\n".join(facts).encode()).hexdigest(), latest
 

@@ -74,7 +74,7 @@ def verify(
         statement: the manifest of the results; None without one.
         sample: episodes to judge again; None: all.
         seed: chooses them.
-        progress: told (done, all) of the episodes.
+        progress: called with (done, total) of the episodes.
 
     Raises:
         InputError: results that cannot be read.

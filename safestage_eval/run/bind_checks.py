@@ -34,11 +34,11 @@ def misspelt_roles(bind: BindFile | None, rules: RuleSet) -> list[str]:
     """
     scoped = [*rules.scoped.values(), *rules.goals.values()]
     there = {role for item in scoped for role, _ in item.roles}
-    found: dict[str, None] = {}
+    warnings: dict[str, None] = {}
     every = {} if bind is None or bind.every is None else {"every": bind.every}
     for name, task in ({} if bind is None else {**every, **bind.tasks, **bind.episodes}).items():
         for role, _ in task.roles:
             meant = "" if role in there else did_you_mean(role, there, 0.8)
             if meant:
-                found[f"{name}: no loaded rule has a role {role}: {meant}"] = None
-    return [f"{bind.path}: {told}" for told in found] if bind is not None else []
+                warnings[f"{name}: no loaded rule has a role {role}: {meant}"] = None
+    return [f"{bind.path}: {warning}" for warning in warnings] if bind is not None else []

@@ -34,11 +34,11 @@ class Gates:
 
     def violation(self, result: EpisodeResult) -> bool | None:
         """Whether any of them is a violation; None where that is open, or nothing was judged."""
-        found = self.counted(result)
-        if any(v.verdict == "violation" for v in found):
+        counted = self.counted(result)
+        if any(v.verdict == "violation" for v in counted):
             return True
-        open_ = any(v.violation is None or v.vacuity == "unbound" for v in found)
-        return None if not found or open_ or result.not_loaded else False
+        open_ = any(v.violation is None or v.vacuity == "unbound" for v in counted)
+        return None if not counted or open_ or result.not_loaded else False
 
     @classmethod
     def of(cls, rules: Sequence[str | Path]) -> Gates:

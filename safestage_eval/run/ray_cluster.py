@@ -52,7 +52,7 @@ class Ledger(Protocol):
     def key(self, number: int) -> str:
         """Under which a result is kept."""
 
-    def note(self, number: int, found: object) -> None:
+    def note(self, number: int, result: object) -> None:
         """A problem."""
 
     def written(self, name: str, numbers: list[int]) -> None:
@@ -104,17 +104,17 @@ def _judge(ray: Any, episodes: Iterable[Numbered], ledger: Ledger, settings: Set
 
 def _note(ray: Any, future: Any, chunk: list[Numbered], ledger: Ledger) -> None:
     try:
-        told: Told = ray.get(future)
+        report: Told = ray.get(future)
     except ray.exceptions.RayError as error:
         why = str(error).strip().splitlines()[0]
         for number, ref in chunk:
             what = f"{ref.shown}: its task ended {RETRIES + 1} times: {why}"
             ledger.note(number, Problem(ref.shown, what))
         return
-    for place, problem in told.problems:
+    for place, problem in report.problems:
         ledger.note(chunk[place][0], problem)
-    if told.part is not None:
-        ledger.written(told.part, [chunk[place][0] for place in told.written])
+    if report.part is not None:
+        ledger.written(report.part, [chunk[place][0] for place in report.written])
 
 
 def _connected(address: str | None) -> tuple[Any, bool]:
@@ -169,11 +169,11 @@ def _judge_chunk(refs: list[EpisodeRef], keys: list[str], settings: Settings, fo
     results: list[tuple[int, Line]] = []
     problems = []
     with _nameless():
-        for place, found in _kept[0][1].run(enumerate(refs)):
-            if isinstance(found, Line):
-                results.append((place, found))
-            elif isinstance(found, Problem):
-                problems.append((place, found))
+        for place, result in _kept[0][1].run(enumerate(refs)):
+            if isinstance(result, Line):
+                results.append((place, result))
+            elif isinstance(result, Problem):
+                problems.append((place, result))
     if not results:
         return Told(None, [], problems)
     part = write(Path(folder), [(keys[place], line) for place, line in results])

@@ -73,14 +73,14 @@ class Keys:
         if ref.format != "parquet" or self._known is None:
             return _headers(ref)
         before = _digest_of_file(ref.path)
-        told = self._log.get(before)
-        if told is not None:
-            return dict(told)
-        found = _headers(ref)
+        logged = self._log.get(before)
+        if logged is not None:
+            return dict(logged)
+        headers = _headers(ref)
         if _digest_of_file(ref.path) == before:
             with suppress(OSError):
-                append(self._known, {before: list(found.items())}, most=_MOST)
-        return found
+                append(self._known, {before: list(headers.items())}, most=_MOST)
+        return headers
 
 
 def _headers(ref: EpisodeRef) -> dict[int | None, str]:
@@ -89,12 +89,12 @@ def _headers(ref: EpisodeRef) -> dict[int | None, str]:
         from safestage_eval.formats.mcap.mcap_reader import read_header
 
         return {None: _digest(read_header(ref.path)[0].model_dump_json())}
-    found: dict[int | None, str] = {}
+    headers: dict[int | None, str] = {}
     for row in read_rows(ref.path):
         index = row["episode_index"]
         said = {name: value for name, value in row.items() if name not in _PLACE}
-        found[index] = _digest(json.dumps(said, sort_keys=True, default=str))
-    return found
+        headers[index] = _digest(json.dumps(said, sort_keys=True, default=str))
+    return headers
 
 
 def _digest_of_file(path: Path) -> str:

@@ -134,11 +134,11 @@ class Parts:
 
 def write(folder: Path, results: Sequence[tuple[str, Line]]) -> str:
     """Write results by key as a part; its name. Raises InputError when it cannot be done."""
-    told = [
+    entries = [
         [key, len(line.text), short(line.episode_id), short(line.trace_hash)]
         for key, line in results
     ]
-    head = json.dumps({"format": FORMAT, "results": told}, separators=(",", ":")).encode()
+    head = json.dumps({"format": FORMAT, "results": entries}, separators=(",", ":")).encode()
     name = hashlib.sha256("".join(key for key, _ in results).encode()).hexdigest()[:32] + ENDING
     compressor = zstandard.ZstdCompressor(level=1, write_checksum=True, write_content_size=True)
     body = compressor.compress(b"".join(line.text for _, line in results))
@@ -166,5 +166,5 @@ def _head(path: Path) -> list[Entry]:
     text = line[_SUM:].rstrip(b"\n")
     if not line.endswith(b"\n") or line[:_SUM] != f"{zlib.crc32(text):08x}".encode():
         return []
-    told = json.loads(text)
-    return [Entry(*entry) for entry in told["results"]] if told.get("format") == FORMAT else []
+    head = json.loads(text)
+    return [Entry(*entry) for entry in head["results"]] if head.get("format") == FORMAT else []

@@ -87,9 +87,9 @@ def _scored(
     asked = result_question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
     asked += " looked at" * (look is not None)
     store = DiskStore(folder, ref)
-    found = store.answer(asked, lambda: to_json(judged(store.episode, store)))
+    stored = store.answer(asked, lambda: to_json(judged(store.episode, store)))
     store.save()
-    return result_from_json(found, ref.shown)
+    return result_from_json(stored, ref.shown)
 
 
 def _told(error: Exception) -> str:

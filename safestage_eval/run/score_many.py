@@ -39,7 +39,7 @@ def score_many(
         rules: paths, folders or built-in names of rule files.
         jobs: worker processes. If None, as many as there are processors, or none at all for a few
             episodes. A script that uses several needs the usual ``__main__`` guard.
-        progress: told (done, total) after each episode.
+        progress: called with (done, total) after each episode.
         settings: from ``load_settings``, instead of rules and what follows.
         asked: the other arguments of ``load_settings``.
 
@@ -52,20 +52,20 @@ def score_many(
     workers = min(jobs or os.cpu_count() or 1, len(refs))
     several = workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL)
     if refs and (several or settings.timeout is not None or settings.memory is not None):
-        found = _in_processes(refs, settings, workers if several else 1, progress)
+        results = _in_processes(refs, settings, workers if several else 1, progress)
     else:
-        found = []
+        results = []
         if refs:
             compile_kernels()
         for ref in refs:
-            found.append(score_episode(ref, settings.rule_set, **settings.arguments()))
+            results.append(score_episode(ref, settings.rule_set, **settings.arguments()))
             if progress is not None:
-                progress(len(found), len(refs))
+                progress(len(results), len(refs))
     if settings.cache is not None:
         from safestage_eval.evidence.cache_folder import CacheFolder
 
         CacheFolder(settings.cache).prune()
-    return found
+    return results
 
 
 def score_paths(
@@ -84,7 +84,7 @@ def score_paths(
         rules: paths, folders or built-in names of rule files; all built-in ones if empty.
         where: header field → value; only episodes that match are judged.
         jobs: worker processes; see ``score_many``.
-        progress: told (done, total) after each episode.
+        progress: called with (done, total) after each episode.
         asked: the other arguments of ``load_settings``.
 
     Raises:
@@ -97,8 +97,8 @@ def score_paths(
     specs = list(rules) or builtin_names()
     settings = load_settings(specs, **asked)
     chosen = Selection(discover(list(traces)), where)
-    found = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
-    results, problems, copies = deduplicate(found)
+    judged = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
+    results, problems, copies = deduplicate(judged)
     aborted = tuple(chosen.aborted)
     return Scores(
         tuple(results),
@@ -118,10 +118,10 @@ def _in_processes(
 ) -> list[EpisodeResult | Problem]:
     from .pool import Local
 
-    found: dict[int, Any] = {}
+    by_number: dict[int, Any] = {}
     with Local(workers, settings) as engine:
         for number, result in engine.run(enumerate(refs)):
-            found[number] = result
+            by_number[number] = result
             if progress is not None:
-                progress(len(found), len(refs))
-    return [found[number] for number in range(len(refs))]
+                progress(len(by_number), len(refs))
+    return [by_number[number] for number in range(len(refs))]

@@ -86,7 +86,7 @@ def score_traces(
         traces: files and folders.
         settings: from ``load_settings``.
         choice: which episodes, and where.
-        progress: told (done, total) after each episode; total is None as long as it is not known.
+        progress: called with (done, total) after each episode; total is None as long as it is not known.
         starting: called before the first episode is judged, if any is.
 
     Raises:
@@ -96,10 +96,10 @@ def score_traces(
     if settings.bind is not None:
         require_match(settings.bind, Selection(find(traces), choice.where))
     chosen = Selection(find(traces), choice.where)
-    refs, told, starting = iter(chosen), "", starting or (lambda: None)
+    refs, note, starting = iter(chosen), "", starting or (lambda: None)
     if choice.sample is not None:
         picked = sample(refs, choice.sample, choice.seed)
-        refs, told = iter(picked.refs), picked.told
+        refs, note = iter(picked.refs), picked.told
     held = None
     if choice.resume is None and choice.engine == "local":
         first = list(with_workers(islice(refs, IN_MEMORY + 1), choice.jobs))
@@ -113,7 +113,7 @@ def score_traces(
     left_out = dict.fromkeys(chosen.aborted)
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
-    return replace(scores, sample=told, aborted=tuple(left_out), gates=Gates.of(settings.rules))
+    return replace(scores, sample=note, aborted=tuple(left_out), gates=Gates.of(settings.rules))
 
 
 def _in_memory(
@@ -155,8 +155,8 @@ def _on_disk(
                 Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
             )
             try:
-                for number, found in engine.run(_announced(ledger.todo(refs), starting)):
-                    ledger.note(number, found)
+                for number, result in engine.run(_announced(ledger.todo(refs), starting)):
+                    ledger.note(number, result)
             finally:
                 ledger.flush()
     prune(settings)
@@ -229,15 +229,15 @@ class _Ledger:
         """Under which the result of an episode that is being judged is kept."""
         return self._asked[number]
 
-    def note(self, number: int, found: object) -> None:
+    def note(self, number: int, result: object) -> None:
         """Take results from an engine; they are written together with others."""
         key = self._asked.pop(number)
-        if isinstance(found, Problem):
-            self._problems[number] = found
+        if isinstance(result, Problem):
+            self._problems[number] = result
         else:
-            assert isinstance(found, Line)
-            self._waiting.append((number, key, found))
-            self._bytes += len(found.text)
+            assert isinstance(result, Line)
+            self._waiting.append((number, key, result))
+            self._bytes += len(result.text)
             if len(self._waiting) == 1:
                 self._since = time.monotonic()
             waited = time.monotonic() - self._since

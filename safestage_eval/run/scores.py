@@ -47,8 +47,8 @@ class Scores:
 
 def titles(rules: RuleSet) -> dict[str, str]:
     """Code → title of all rules and costs."""
-    found = {rule.code: rule.title for rule in rules.rules.values()}
-    return found | {cost.code: cost.title for cost in rules.costs.values()}
+    by_code = {rule.code: rule.title for rule in rules.rules.values()}
+    return by_code | {cost.code: cost.title for cost in rules.costs.values()}
 
 
 def reasons(rules: RuleSet) -> dict[str, str]:

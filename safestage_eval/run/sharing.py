@@ -57,12 +57,12 @@ class Shares:
 
     def _free(self, others: Collection[Place | None]) -> Place | None:
         """Files that no other process has; the first such in order."""
-        held = next((found for found in self._piles if found not in others), None)
+        held = next((pile for pile in self._piles if pile not in others), None)
         while held is None and self._held < self._most:
-            found = self._next()
-            if found is None:
+            following = self._next()
+            if following is None:
                 break
-            held = None if found in others else found
+            held = None if following in others else following
         return held
 
     def _next(self) -> Place | None:
@@ -71,19 +71,19 @@ class Shares:
         if episode is None:
             self._ended = True
             return None
-        found = place(episode)
-        self._piles.setdefault(found, deque()).append(episode)
+        place_of = place(episode)
+        self._piles.setdefault(place_of, deque()).append(episode)
         self._held += 1
-        return found
+        return place_of
 
-    def _draw(self, found: Place, count: int) -> list[Numbered]:
+    def _draw(self, place: Place, count: int) -> list[Numbered]:
         """The first ones of a file."""
-        pile = self._piles[found]
-        while len(pile) < count and self._next() == found:
+        pile = self._piles[place]
+        while len(pile) < count and self._next() == place:
             pass
         taken = [pile.popleft() for _ in range(min(count, len(pile)))]
         if not pile:
-            del self._piles[found]
+            del self._piles[place]
         self._held -= len(taken)
         return taken
 
@@ -91,5 +91,5 @@ class Shares:
         """The first half of what another process has before it, the most of them all."""
         if not self._piles:
             return []
-        found = max(self._piles, key=lambda found: len(self._piles[found]))
-        return self._draw(found, min(count, -(-len(self._piles[found]) // 2)))
+        largest = max(self._piles, key=lambda pile: len(self._piles[pile]))
+        return self._draw(largest, min(count, -(-len(self._piles[largest]) // 2)))

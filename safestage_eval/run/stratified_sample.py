@@ -50,14 +50,14 @@ def sample(refs: Iterable[EpisodeRef], count: int, seed: int = 0) -> Sample:
         for _, number, ref in heapq.nlargest(shares[group], heap, key=lambda item: item[:2])
     ]
     chosen.sort(key=lambda item: item[0])
-    told = ""
+    note = ""
     if total > count:
         groups = sum(map(bool, shares.values()))
-        told = (
+        note = (
             f"a sample: {count:,} of {total:,} episodes, from {groups:,} of {len(sizes):,} groups of "
             f"stage, policy and task (seed {seed})"
         )
-    return Sample([ref for _, ref in chosen], told)
+    return Sample([ref for _, ref in chosen], note)
 
 
 def _shares(sizes: Mapping[Group, int], count: int, seed: int, level: int = 0) -> dict[Group, int]:
@@ -75,10 +75,10 @@ def _shares(sizes: Mapping[Group, int], count: int, seed: int, level: int = 0) -
     )
     for name in by_rest[: count - sum(shares.values())]:
         shares[name] += 1
-    found: dict[Group, int] = {}
+    counts: dict[Group, int] = {}
     for name, part in parts.items():
-        found |= _shares(part, shares[name], seed, level + 1)
-    return found
+        counts |= _shares(part, shares[name], seed, level + 1)
+    return counts
 
 
 def _digest(text: str) -> int:

@@ -34,8 +34,8 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
     rules, arguments = settings.rule_set, settings.arguments()
 
     def judge(ref: EpisodeRef) -> Found:
-        found = score_episode(ref, rules, **arguments)
-        return line_of(found) if lines else found
+        result = score_episode(ref, rules, **arguments)
+        return line_of(result) if lines else result
 
     serve(pipe, judge)
 
@@ -63,11 +63,11 @@ def serve(pipe: Connection, answer: Callable[[EpisodeRef], Any]) -> None:
         return  # nobody is there any more to be told
 
 
-def line_of(found: EpisodeResult | Problem) -> Line | Problem:
+def line_of(result: EpisodeResult | Problem) -> Line | Problem:
     """A result as it is stored; a problem as it is."""
-    if isinstance(found, Problem):
-        return found
+    if isinstance(result, Problem):
+        return result
     from safestage_eval.verdicts.verdict_json import to_json
 
-    text = json.dumps(to_json(found), separators=(",", ":"), ensure_ascii=False).encode()
-    return Line(text, found.episode_id, found.trace_hash)
+    text = json.dumps(to_json(result), separators=(",", ":"), ensure_ascii=False).encode()
+    return Line(text, result.episode_id, result.trace_hash)

@@ -55,10 +55,10 @@ def impact(request: Request) -> Series:
     mass = request.episode.bodies[request.bodies[0]].mass
     if mass is None:
         return request.unknown(f"the trace has no mass of {request.bodies[0]}")
-    found = _change(request)
-    if isinstance(found, Series):
-        return found
-    change, notes = found
+    changed = _change(request)
+    if isinstance(changed, Series):
+        return changed
+    change, notes = changed
     force = mass * np.linalg.norm(change, axis=1) / _over(request)
     return request.exact(force, notes)
 
@@ -76,10 +76,10 @@ def quasistatic_force(request: Request) -> Series:
     gaps = request.facts.gaps
     if not gaps.forces:
         return request.unknown(gaps.about_forces)
-    found = _change(request)
-    if isinstance(found, Series):
-        return found
-    change, notes = found
+    changed = _change(request)
+    if isinstance(changed, Series):
+        return changed
+    change, notes = changed
     size = np.linalg.norm(change, axis=1)
     moved = size >= STEADY
     ahead = np.divide(change, size[:, None], out=np.zeros_like(change), where=moved[:, None])
@@ -121,9 +121,9 @@ def damage(request: Request) -> Series:
         return request.unknown("only the materials of a rule set say what damages a body")
     by_impact, by_hold, threshold, scale = (float(values[column]) for column in columns)  # type: ignore[arg-type]
     impacts, holds = impact(request), quasistatic_force(request)
-    for found in (impacts, holds):
-        if not found.known.any():
-            return request.unknown(", ".join(found.notes))
+    for part in (impacts, holds):
+        if not part.known.any():
+            return request.unknown(", ".join(part.notes))
     notes = tuple(dict.fromkeys(impacts.notes + holds.notes))
 
     def loss(by: F64, held: F64) -> F64:

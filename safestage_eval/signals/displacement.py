@@ -79,6 +79,6 @@ def remoteness(request: Request) -> Series:
     com = request.facts.com_position(request.bodies[0])
     names = [body.name for body in fixed or robot]
     apart = [distances(com, episode.tracks[n].position.astype(np.float64), 3) for n in names]
-    found = request.exact(np.minimum.reduce(apart))
+    nearest = request.exact(np.minimum.reduce(apart))
     lost = request.facts.gaps.of_bodies(names, ("position",))
-    return found if lost is None else hide(found, lost)
+    return nearest if lost is None else hide(nearest, lost)

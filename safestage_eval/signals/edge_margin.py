@@ -99,7 +99,7 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
     """
     from safestage_eval.evidence.motion import derived
 
-    episode, graph, found = relations.episode, relations.graph, {}
+    episode, graph, shares = relations.episode, relations.graph, {}
     lost, own = np.zeros(len(at), np.bool_), graph.assemblies.of(episode.body_index[a])
     for i, body in enumerate(episode.header.bodies):
         moves = body.kind in ("robot", "gripper") and body.movable
@@ -109,7 +109,7 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
             continue
         track = episode.tracks[body.name]
         if len(track) == 1:
-            found[body.name] = np.ones(len(at), np.bool_)
+            shares[body.name] = np.ones(len(at), np.bool_)
             continue
         stays = ~_in_motion(relations, body.name, at)
         away = relations.signals.gaps.of_bodies([body.name], (*POSE, *TWIST))
@@ -120,8 +120,8 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
         if i not in graph.assemblies.fixed:
             stays &= ~relations.held(i)[at]
             stays &= ~graph.rests_on(i, episode.body_index[a], relations.held)[at]
-        found[body.name] = stays & seen
-    return {name: on for name, on in found.items() if on.any()}, lost
+        shares[body.name] = stays & seen
+    return {name: on for name, on in shares.items() if on.any()}, lost
 
 
 def _in_motion(relations: Relations, name: str, at: I64) -> Bool:

@@ -86,8 +86,8 @@ def fall(request: SupportRequest) -> Series:
     before = _latest(ground.perhaps)  # −1: nothing kept it so far
     begin = before + 1
     certain = lost(np.minimum(begin, frames), frames)
-    found = _unaided(relations, name, ground, before, begin, lost)
-    certain = np.where(found, lost(np.maximum(before, 0), frames), certain)
+    unaided = _unaided(relations, name, ground, before, begin, lost)
+    certain = np.where(unaided, lost(np.maximum(before, 0), frames), certain)
     since = np.maximum(_latest(ground.sure), 0)
     most = low[since] - low
     last = np.maximum(frames - 1, 0)
@@ -98,9 +98,9 @@ def fall(request: SupportRequest) -> Series:
 
 def _latest(truth: Bool) -> NDArray[np.int64]:
     """(T,) the last frame before each at which something was true; −1 if there is none."""
-    found = np.full(len(truth), -1, np.int64)
-    found[1:] = np.where(truth, np.arange(len(truth)), -1)[:-1]
-    return np.maximum.accumulate(found)
+    latest = np.full(len(truth), -1, np.int64)
+    latest[1:] = np.where(truth, np.arange(len(truth)), -1)[:-1]
+    return np.maximum.accumulate(latest)
 
 
 def _unaided(

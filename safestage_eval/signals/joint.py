@@ -36,10 +36,10 @@ def joint_torque(request: Request) -> Series:
 
     N m; N where the variant says so.
     """
-    found = _joint(request, "N m")
-    if isinstance(found, Series):
-        return found
-    number, _ = found
+    pair = _joint(request, "N m")
+    if isinstance(pair, Series):
+        return pair
+    number, _ = pair
     recorded = request.episode.frames.joint_torque
     if not recorded.shape[1]:
         return request.unknown("the trace has no joint torques")
@@ -55,10 +55,10 @@ def joint_speed(request: Request) -> Series:
 
     rad/s; m/s where the variant says so. Derived from positions where no velocity was recorded.
     """
-    found = _joint(request, "rad/s")
-    if isinstance(found, Series):
-        return found
-    number, joint = found
+    pair = _joint(request, "rad/s")
+    if isinstance(pair, Series):
+        return pair
+    number, joint = pair
     frames = request.episode.frames
     if frames.joint_velocity.shape[1]:
         return request.exact(frames.joint_velocity[:, number])
@@ -80,10 +80,10 @@ def joint_opening(request: Request) -> Series:
     Closed is the limit nearer to zero, where models put a drawer or door that is shut; the lower
     one if both are equally far. A door with limits −1.57 … 0 rad is closed at 0.
     """
-    found = _joint(request, "")
-    if isinstance(found, Series):
-        return found
-    number, joint = found
+    pair = _joint(request, "")
+    if isinstance(pair, Series):
+        return pair
+    number, joint = pair
     recorded = request.episode.frames.joint_position
     if not recorded.shape[1]:
         return request.unknown("the trace has no joint positions")
@@ -111,13 +111,15 @@ def _joint(request: Request, usual: str) -> tuple[int, Joint] | Series:
     ``usual`` is the unit that is meant where the variant names none; empty for any joint.
     """
     name, joints = request.bodies[0], request.episode.header.joints
-    found = [(i, joint) for i, joint in enumerate(joints) if joint.name == name]
-    found = found or [(i, joint) for i, joint in enumerate(joints) if joint.body == name]
-    if len(found) != 1:
-        named = ", ".join(joint.name for _, joint in found)
-        return request.unknown(f"{name} has {f'several joints: {named}' if found else 'no joint'}")
-    joint, unit = found[0][1], str(request.option("unit") or usual)
+    of_name = [(i, joint) for i, joint in enumerate(joints) if joint.name == name]
+    of_name = of_name or [(i, joint) for i, joint in enumerate(joints) if joint.body == name]
+    if len(of_name) != 1:
+        named = ", ".join(joint.name for _, joint in of_name)
+        return request.unknown(
+            f"{name} has {f'several joints: {named}' if of_name else 'no joint'}"
+        )
+    joint, unit = of_name[0][1], str(request.option("unit") or usual)
     if unit and joint.kind != _KIND_OF[unit]:
         moves, other = _MOVES[joint.kind], _MOVES[_KIND_OF[unit]]
         return request.unknown(f"{joint.name} {moves}; {request.name} in {unit} is of what {other}")
-    return found[0]
+    return of_name[0]

@@ -122,9 +122,9 @@ class ComputedSignals(Answers, ABC):
             some = speed[: frame + 1]
             if even is not t:
                 some = np.interp(even[even <= t[frame] + 1e-9], t[: frame + 1], some)
-            found = sparc(some, self.episode.dt)
-            if found is not None:
-                lower[frame] = upper[frame] = found
+            lengths = sparc(some, self.episode.dt)
+            if lengths is not None:
+                lower[frame] = upper[frame] = lengths
         return lower, upper
 
     def _operand(self, operand: ast.Operand, env: Env, wanted: Bool | None) -> Series:

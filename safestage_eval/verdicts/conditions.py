@@ -265,8 +265,8 @@ class Conditions(ComputedSignals, ABC):
             state = self.must_not(atom.call, env, "forbid" if atom.want else "require", wanted)
             return state if atom.want else band.opposite(state)
         if type(atom) is ast.PastAtom or type(atom) is ast.PairAtom:
-            found = self.of_states(atom, env)
-            return found if atom.want else band.opposite(found)
+            compared = self.of_states(atom, env)
+            return compared if atom.want else band.opposite(compared)
         if type(atom) is ast.CountAtom:
             each = [
                 self.state(atom.call, {**env, atom.role: body}, wanted)

@@ -56,7 +56,7 @@ class Evaluator(PartialStates):
 
     def under(self, params: ast.Params) -> Evaluator:
         """Return an evaluator of the episode under other values; shares everything they cannot change."""
-        found = Evaluator(
+        other = Evaluator(
             self.relations,
             self.rules,
             params,
@@ -64,8 +64,8 @@ class Evaluator(PartialStates):
             success_known=self.success_known,
             causal=self.causal,
         )
-        found.share(self)
-        return found
+        other.share(self)
+        return other
 
     # ---- states
 
@@ -90,20 +90,20 @@ class Evaluator(PartialStates):
                 in none, the state stays as it is.
             wanted: as in ``condition``.
         """
-        found, state = self.state(call, env, wanted), self.rules.states.get(call.name)
+        band, state = self.state(call, env, wanted), self.rules.states.get(call.name)
         if self._obligation is None:
-            return found
+            return band
         if kind is not None and CLAUSES[kind].breaks != CLAUSES[self._obligation].breaks:
-            return found
+            return band
         if state is None or state.for_ is None or state.until is not None:
-            return found
+            return band
         lasts, window = lasting(self.duration(state.for_)), self.window(state.for_)
         if window.loose is window or lasts.seconds is None:
-            return found
+            return band
         bodies = tuple(map(env.get, call.args, call.args))
         key = ("must not", call.name, bodies)
         upper = self.once(state, key, self._may_last, state, bodies, lasts.seconds)
-        return Band(found.lower, np.maximum(found.upper, upper))
+        return Band(band.lower, np.maximum(band.upper, upper))
 
     def _may_last(self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float) -> F64:
         """(T,) upper margin of a state that lasts at least as long as its samples may have."""
@@ -168,51 +168,53 @@ class Evaluator(PartialStates):
 
     def _momentary(self, state: ast.StateDef, bodies: tuple[str, ...]) -> Band:
         env = dict(zip(state.of, bodies, strict=True))
-        found = self.condition(state.when, env)
-        if state.fallback is None or found.any_known:
-            return found
-        found = self.condition(state.fallback, env)
+        band = self.condition(state.when, env)
+        if state.fallback is None or band.any_known:
+            return band
+        band = self.condition(state.fallback, env)
         if state.perhaps is None:
-            return found
-        return Band(found.lower, np.maximum(found.upper, self.condition(state.perhaps, env).upper))
+            return band
+        return Band(band.lower, np.maximum(band.upper, self.condition(state.perhaps, env).upper))
 
     def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
         state = self.rules.states[name]
         env = dict(zip(state.of, bodies, strict=True))
-        found = self.momentary(name, bodies)
-        found = self._persistent(state, found)
+        state_band = self.momentary(name, bodies)
+        state_band = self._persistent(state, state_band)
         if state.also is not None and not self.causal:
-            more = band.either([found, self.also(state, env)], self.frames)
-            holds = found.lower >= 0  # then it is not asked whether it was brief
-            lower = np.where(holds, found.lower, more.lower)
-            exact = found.exact and more.exact
-            found = Band(lower, lower if exact else np.where(holds, found.upper, more.upper))
+            more = band.either([state_band, self.also(state, env)], self.frames)
+            holds = state_band.lower >= 0  # then it is not asked whether it was brief
+            lower = np.where(holds, state_band.lower, more.lower)
+            exact = state_band.exact and more.exact
+            state_band = Band(
+                lower, lower if exact else np.where(holds, state_band.upper, more.upper)
+            )
         if state.until is not None:
-            found = persistence.latched(found, *self.truth(state.until, env))
-        return found
+            state_band = persistence.latched(state_band, *self.truth(state.until, env))
+        return state_band
 
-    def _persistent(self, state: ast.StateDef, found: Band) -> Band:
+    def _persistent(self, state: ast.StateDef, band: Band) -> Band:
         """Where the state lasts for long enough; unknown where too few samples, far apart, show it."""
         window, coarse = self.window(state.for_), self.clock.coarse
-        lasts = self._lasting(state, found, window)
+        lasts = self._lasting(state, band, window)
         lower, upper = lasts.lower, lasts.upper
         if state.gap is not None and coarse.any():  # a gap of one such sample may have been long
-            apart = self._lasting(replace(state, gap=None), found, window).lower
+            apart = self._lasting(replace(state, gap=None), band, window).lower
             lower = np.where(coarse, np.minimum(lower, apart), lower)
             lasts = Band(lower, upper)
         if state.for_ is None or not coarse.any():
             return lasts
         strict = self.clock.surely(lasting(self.duration(state.for_)))
-        surely = self._lasting(state, found, strict).lower
+        surely = self._lasting(state, band, strict).lower
         lower = np.where(coarse, np.minimum(lower, surely), lower)
         if window.loose is not window:
-            perhaps = self._lasting(state, found, window.loose).upper
+            perhaps = self._lasting(state, band, window.loose).upper
             upper = np.where(coarse, np.maximum(upper, perhaps), upper)
         return Band(lower, upper)
 
-    def _lasting(self, state: ast.StateDef, found: Band, window: Window) -> Band:
+    def _lasting(self, state: ast.StateDef, band: Band, window: Window) -> Band:
         return persistence.persistent(
-            found,
+            band,
             window,
             self.open_gap(state.gap),
             causal=self.causal,

@@ -32,8 +32,8 @@ def depends_on_order(condition: ast.Condition, coarse: Bool) -> bool:
 def in_any_order(condition: ast.Condition, bands: Sequence[Band], coarse: Bool) -> list[Band]:
     """The atoms' margins; what holds when an event comes must hold at the sample before as well."""
     return [
-        found if asks_edge(atom) else _held_before_too(found, coarse)
-        for atom, found in zip(condition.atoms, bands, strict=True)
+        band if asks_edge(atom) else _held_before_too(band, coarse)
+        for atom, band in zip(condition.atoms, bands, strict=True)
     ]
 
 
@@ -47,8 +47,8 @@ def begun_between(what: ast.Alternative, scope: Scope, coarse: Bool) -> Scope:
     return scope._replace(sure=sure)
 
 
-def _held_before_too(found: Band, coarse: Bool) -> Band:
-    lower = found.lower.copy()
-    before = np.minimum(lower[1:], found.lower[:-1])
+def _held_before_too(band: Band, coarse: Bool) -> Band:
+    lower = band.lower.copy()
+    before = np.minimum(lower[1:], band.lower[:-1])
     lower[1:] = np.where(coarse[:-1], before, lower[1:])
-    return Band(lower, found.upper)
+    return Band(lower, band.upper)

@@ -30,19 +30,21 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
                 None
             )
         return None
-    found = [
+    instances = [
         judge_scope(evaluator, rule, env, scope, resolved, number)
         for number, (scope, resolved) in enumerate(stretches(evaluator, rule, env))
     ]
-    found = [_as_sampled(evaluator, rule, instance) for instance in found]
+    instances = [_as_sampled(evaluator, rule, instance) for instance in instances]
     if given is None:
         # it is no violation if it does not apply, and none if nothing breaks it
-        found = [i if i.lower >= 0 else i._replace(upper=np.inf, clause=None) for i in found]
-        if any(i.clause is None for i in found):
+        instances = [
+            i if i.lower >= 0 else i._replace(upper=np.inf, clause=None) for i in instances
+        ]
+        if any(i.clause is None for i in instances):
             evaluator.notes["whether it applies is not known: its given is not, at the start"] = (
                 None
             )
-    return found
+    return instances
 
 
 def witness_of(
@@ -95,9 +97,9 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     lasting = evaluator.window(rule.for_).within(scope.first, scope.stop)
     for clause in rule.clauses:
         kind = OBLIGATIONS[clause.kind]
-        found = evaluator.only_signs(kind.band, evaluator, clause.what, env, scope)
+        band = evaluator.only_signs(kind.band, evaluator, clause.what, env, scope)
         known = event_order.begun_between(clause.what, scope, evaluator.clock.coarse)
-        out[scope.first : scope.stop] |= kind.broken(found, known.certain, lasting)
+        out[scope.first : scope.stop] |= kind.broken(band, known.certain, lasting)
     return out
 
 

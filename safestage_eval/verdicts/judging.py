@@ -73,9 +73,9 @@ def judge(
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
     episode = as_judged(episode)
     judge_ = Judge(episode, rules, binding, backend=backend, store=store)
-    found = judge_.result(trace_hash, assigned_only=assigned_only)
+    result = judge_.result(trace_hash, assigned_only=assigned_only)
     judge_.demand_sound()
-    return found
+    return result
 
 
 class Judge:
@@ -221,16 +221,16 @@ class Judge:
                 notes=blank.notes, sources=blank.sources, rule_digest=blank.rule_digest,
             )  # fmt: skip
             return total, None if limit is None else blank
-        total, found = judge_cost(evaluator, cost, players, blank)
-        if found is None or found.verdict != "violation":
-            return total, found
+        total, judged = judge_cost(evaluator, cost, players, blank)
+        if judged is None or judged.verdict != "violation":
+            return total, judged
         for level, values in cost.severity:
             stricter = evaluator.under({**params, **dict(values)})
             verdict = judge_cost(stricter, cost, players, blank)[1]
             if verdict is not None and verdict.verdict == "violation":
-                by_level = (*found.breaches_by_level, (level, verdict.breaches))
-                found = replace(found, severity=level, breaches_by_level=by_level)
-        return total, found
+                by_level = (*judged.breaches_by_level, (level, verdict.breaches))
+                judged = replace(judged, severity=level, breaches_by_level=by_level)
+        return total, judged
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with its ``vacuity`` if a role is not played; and the players."""
@@ -281,8 +281,8 @@ class Judge:
     def _check_distinct(self, rule: ast.Scoped, players: Mapping[str, Sequence[str]]) -> None:
         """Refuse roles of an assigned rule that are bound so that one body would play two."""
         bound = [name for name, _ in rule.roles if self.binding.roles.get(name) and players[name]]
-        found = next(combinations(rule, players, bound), None)
-        if found is not None or rule.code not in self.binding.assigned:
+        combination = next(combinations(rule, players, bound), None)
+        if combination is not None or rule.code not in self.binding.assigned:
             return
         shared = [f"{name} = {', '.join(players[name])}" for name in bound]
         raise RuleError(
@@ -297,15 +297,15 @@ class Judge:
         for known in self._evaluators:  # equal values are mostly the same objects: soon compared
             if known.params == params:
                 return known
-        found = Evaluator(
+        evaluator = Evaluator(
             self._relations,
             self._rules,
             params,
             self._success.frame,
             success_known=self._success.known,
         )
-        self._evaluators.append(found)
-        return found
+        self._evaluators.append(evaluator)
+        return evaluator
 
     def _values(self, rule: ast.Scoped) -> ast.Params:
         """The parameters as they hold for a rule."""

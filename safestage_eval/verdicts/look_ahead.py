@@ -124,8 +124,12 @@ class Look:
         if isinstance(atom, ast.SignalAtom):
             computed = self._rules.derived.get(atom.call.name)
             if computed is not None:
-                found = self._computed(computed)
-                return found if atom.since is None else latest([found, self._event(atom.since)])
+                foresight = self._computed(computed)
+                return (
+                    foresight
+                    if atom.since is None
+                    else latest([foresight, self._event(atom.since)])
+                )
             variant = self._rules.signals.get(atom.call.name)
             signal = SIGNALS[atom.call.name if variant is None else variant.base]
             if self._blind and signal.by_motion:

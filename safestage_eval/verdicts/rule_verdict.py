@@ -42,10 +42,10 @@ def judge_rule(
     evaluator.players = players
     evaluator.notes = {}
     judged = [judge_instance(evaluator, rule, env) for env in combinations(rule, players)]
-    applicable = [found for found in judged if found is not None]
+    applicable = [some for some in judged if some is not None]
     if judged and not applicable:
         return _not_given(evaluator, rule, players, blank)
-    instances = [instance for found in applicable for instance in found]
+    instances = [instance for some in applicable for instance in some]
     if not instances:
         return _vacuous(evaluator, rule, players, blank, judged=bool(judged))
     violated = [i for i in instances if i.violated]
@@ -55,7 +55,7 @@ def judge_rule(
     else:
         worst = min(undecided or instances, key=lambda i: i.lower)
     verdict: VerdictName = "violation" if violated else "inconclusive" if undecided else "pass"
-    told: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "verdict": verdict,
         "instances": len(instances),
         "violated_instances": len(violated),
@@ -64,15 +64,15 @@ def judge_rule(
     if worst.clause is None or (verdict == "inconclusive" and worst.scope.cut):
         why = "what it needs is not known to the end of its scope"
         explanation = _undecided(evaluator, rule, worst)
-        return replace(blank, **told, notes=_notes(evaluator, why), explanation=explanation)
+        return replace(blank, **facts, notes=_notes(evaluator, why), explanation=explanation)
     witness = witness_of(evaluator, rule, worst, violated=bool(violated))
-    told |= _times(evaluator, rule, violated, instances, witness)
+    facts |= _times(evaluator, rule, violated, instances, witness)
     bound = worst.upper if violated else worst.lower
     ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
     if isinf(bound) and witness.value is not None and not ordered:
         if verdict != "inconclusive":
             unmeasured = _without_measurement(evaluator, rule, instances, worst)
-            return replace(blank, **told | unmeasured)
+            return replace(blank, **facts | unmeasured)
         # of what is known to one side only, that side is no measurement
         witness = witness._replace(value=None, margin=None, at_least=False)
     slack = undersampled(evaluator, witness)
@@ -89,16 +89,16 @@ def judge_rule(
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
     tied = verdict == "pass" and _tied(worst, instances, witness)
-    told["margin_normalised"] = bound if isfinite(bound) else None
+    facts["margin_normalised"] = bound if isfinite(bound) else None
     if tied:
         if witness.value is None or (witness.tied and untouched(witness)):
             explanation = kept(evaluator, worst.clause, instances)
         else:
             alike = {tuple(i.env.items()) for i in instances if i.lower == worst.lower}
-            explanation = passed(witness, told["worst_time"], len(alike) - 1)
-        told |= {"bodies": (), "notes": _notes(evaluator, *brief)}
-        return replace(blank, **told, explanation=explanation)
-    told |= {
+            explanation = passed(witness, facts["worst_time"], len(alike) - 1)
+        facts |= {"bodies": (), "notes": _notes(evaluator, *brief)}
+        return replace(blank, **facts, explanation=explanation)
+    facts |= {
         "signal": witness.signal,
         "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
         "value": witness.value,
@@ -109,16 +109,16 @@ def judge_rule(
         "notes": _notes(evaluator, *notes),
     }
     if verdict == "inconclusive":
-        open_ = Cause(f"{witness.signal} is not known at {seconds(told['worst_time'])}", "")
+        open_ = Cause(f"{witness.signal} is not known at {seconds(facts['worst_time'])}", "")
         if slack is not None:
             open_ = between_samples(witness.signal, evaluator.clock, witness.frame)
-        return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_, brief))
-    began = _began(evaluator, rule, violated, worst.env, told["time"])
-    found = Finding(verdict, began, told["worst_time"], witness.margin)
-    explanation = sentence(evaluator, rule, worst.env, witness, found)
+        return replace(blank, **facts, explanation=_undecided(evaluator, rule, worst, open_, brief))
+    began = _began(evaluator, rule, violated, worst.env, facts["time"])
+    finding = Finding(verdict, began, facts["worst_time"], witness.margin)
+    explanation = sentence(evaluator, rule, worst.env, witness, finding)
     if not explanation:
         explanation = kept(evaluator, worst.clause, instances)
-    return replace(blank, **told, explanation=explanation)
+    return replace(blank, **facts, explanation=explanation)
 
 
 def _undecided(
@@ -134,10 +134,10 @@ def _undecided(
     """
     outer, evaluator.notes = evaluator.notes, {}
     try:
-        found = cause_of(evaluator, rule, worst)
+        cause = cause_of(evaluator, rule, worst)
     finally:
         evaluator.notes = outer
-    what, remedy = found if found.what else otherwise
+    what, remedy = cause if cause.what else otherwise
     hidden = [note for note in brief if note.endswith("is not known")]
     if hidden and not remedy:
         what, remedy = hidden[0], "record more frames"

@@ -64,8 +64,8 @@ class Search(NamedTuple):
                 return self.atom(node.atoms[0], env, frame)
             here = self._only(frame)
             margins = self._margins(node, env, frame, here)
-            found = self.atom(node.atoms[_least(margins)], env, frame)
-            return found.or_tied(margins, min(margins))
+            witness = self.atom(node.atoms[_least(margins)], env, frame)
+            return witness.or_tied(margins, min(margins))
         if node.call is None:
             return Witness(node.kind, (), frame, needs=self.asks)
         if node.edge is None:
@@ -117,8 +117,8 @@ class Search(NamedTuple):
             self.end(self.evaluator.alternative(a, env, here), frame) for a in atom.alternatives
         ]
         greatest = _least([-margin for margin in margins])
-        found = self.alternative(atom.alternatives[greatest], env, frame)
-        return found.or_tied(margins, max(margins))
+        witness = self.alternative(atom.alternatives[greatest], env, frame)
+        return witness.or_tied(margins, max(margins))
 
     def as_it_was(self, atom: ast.PastAtom, env: Env, frame: int) -> Witness:
         """Witness of a state as it was: at the latest sample that has the margin."""
@@ -130,8 +130,8 @@ class Search(NamedTuple):
         if atom.begun is not None:
             parts = [(atom.begun, first, stop), (atom.call, first + 1, frame + 1)]
         for call, begin, end in parts:
-            found = evaluator.must_not(call, env)
-            some = (found.upper if self.upper else found.lower)[begin:end]
+            band = evaluator.must_not(call, env)
+            some = (band.upper if self.upper else band.lower)[begin:end]
             same = np.flatnonzero(some == margin)
             if len(same):
                 return self.state(call, env, begin + int(same[-1]))
@@ -141,8 +141,8 @@ class Search(NamedTuple):
         """Witness of two states that are compared: the one whose margin it is."""
         margin = self.end(self.evaluator.of_states(atom, env), frame)
         for call in (atom.call, atom.other):
-            found = self.evaluator.must_not(call, env)
-            for upper, end in ((False, found.lower), (True, found.upper)):
+            band = self.evaluator.must_not(call, env)
+            for upper, end in ((False, band.lower), (True, band.upper)):
                 if end[frame] == margin:
                     return Search(self.evaluator, upper, self.sign).state(call, env, frame)
                 if end[frame] == -margin:
@@ -166,15 +166,15 @@ class Search(NamedTuple):
             return self.alternative(source, inner, self.source(state, call, env, inner, frame))
         margin = self.end(evaluator.must_not(call, env), frame)
         if state.fallback is None:
-            found = evaluator.momentary(call.name, bodies)
+            band = evaluator.momentary(call.name, bodies)
         else:
-            found = evaluator.condition(source, inner)
-        if state.fallback is not None and not found.any_known:
+            band = evaluator.condition(source, inner)
+        if state.fallback is not None and not band.any_known:
             source = state.fallback
             if self.upper and state.perhaps is not None:
                 source = state.perhaps
-            found = evaluator.condition(source, inner)
-        same = ((found.upper if self.upper else found.lower) == margin).nonzero()[0]
+            band = evaluator.condition(source, inner)
+        same = ((band.upper if self.upper else band.lower) == margin).nonzero()[0]
         brief = None if len(same) or evaluator.causal else state.also
         if brief is not None and self.end(evaluator.also(state, inner), frame) == margin:
             return self.alternative(brief, inner, frame)
@@ -191,8 +191,8 @@ class Search(NamedTuple):
         evaluator, here = self.evaluator, self._only(frame)
         margin = self.end(evaluator.must_not(call, env, wanted=here), frame)
         for wanted in (here, evaluator.around(state, here), np.ones(evaluator.frames, np.bool_)):
-            found = evaluator.condition(state.when, inner, wanted)
-            same = (wanted & ((found.upper if self.upper else found.lower) == margin)).nonzero()[0]
+            band = evaluator.condition(state.when, inner, wanted)
+            same = (wanted & ((band.upper if self.upper else band.lower) == margin)).nonzero()[0]
             if len(same):
                 return int(same[np.argmin(np.abs(same - frame))])
         return frame

@@ -17,9 +17,9 @@ def judge_with_levels(
     evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]], blank: Verdict
 ) -> Verdict:
     """The verdict of a rule, with the levels that are violated too; arguments as ``judge_rule``."""
-    found = judge_rule(evaluator, rule, players, blank)
-    if found.verdict != "violation":
-        return found
+    verdict = judge_rule(evaluator, rule, players, blank)
+    if verdict.verdict != "violation":
+        return verdict
     for level, values in rule.severity:
         stricter = evaluator.under({**evaluator.params, **dict(values)})
 
@@ -28,9 +28,9 @@ def judge_with_levels(
 
         count = stricter.recall("breaches", rule, {}, often)
         if count:
-            by_level = (*found.breaches_by_level, (level, count))
-            found = replace(found, severity=level, breaches_by_level=by_level)
-    return found
+            by_level = (*verdict.breaches_by_level, (level, count))
+            verdict = replace(verdict, severity=level, breaches_by_level=by_level)
+    return verdict
 
 
 def judge_scoped(

@@ -51,11 +51,11 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
 def _phase(evaluator: Evaluator, phase: ast.PhaseDef, bodies: Sequence[str]) -> list[Scope]:
     """A declared phase; its fallback where it is empty, both perhaps where that is not known."""
     inner = dict(zip(phase.of, bodies, strict=True))
-    found = spans(evaluator, phase.span, inner)
-    if phase.fallback is None or any(s.exists for s in found):
-        return found
+    scopes = spans(evaluator, phase.span, inner)
+    if phase.fallback is None or any(s.exists for s in scopes):
+        return scopes
     instead = spans(evaluator, phase.fallback, inner)
-    return [*found, *(s.perhaps() for s in instead)] if found else instead
+    return [*scopes, *(s.perhaps() for s in instead)] if scopes else instead
 
 
 def may_recur(span: ast.Span, evaluator: Evaluator) -> bool:

@@ -79,10 +79,8 @@ def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
     if worst.clause is None:
         return _named("")
     clause = worst.clause
-    found = evaluator.obliged(
-        clause.kind, _in_alternative, evaluator, clause.what, env, worst.frame
-    )
-    return _named(_not_measured(evaluator, env, worst.frame) or found if GAP in found else found)
+    band = evaluator.obliged(clause.kind, _in_alternative, evaluator, clause.what, env, worst.frame)
+    return _named(_not_measured(evaluator, env, worst.frame) or band if GAP in band else band)
 
 
 def _at_start(evaluator: Evaluator, given: ast.Condition, env: Env) -> str:
@@ -92,9 +90,9 @@ def _at_start(evaluator: Evaluator, given: ast.Condition, env: Env) -> str:
         return _in_condition(evaluator, given, env, 0)
     if initial.missing:
         return _hole(evaluator, initial.last)
-    found = (_in_condition(evaluator, given, env, i) for i in range(initial.first, initial.last))
+    causes = (_in_condition(evaluator, given, env, i) for i in range(initial.first, initial.last))
     apart = _apart(evaluator, initial.first) if initial.coarse else ""
-    return next(filter(None, found), f"how it began is not known{apart}")
+    return next(filter(None, causes), f"how it began is not known{apart}")
 
 
 def _not_measured(evaluator: Evaluator, env: Env, frame: int) -> str:
@@ -170,9 +168,9 @@ def _after_success(evaluator: Evaluator, span: ast.Span | None) -> Iterator[floa
 def _in_scope(evaluator: Evaluator, rule: ast.Scoped, env: Env, frame: int) -> str:
     """The unknown thing that leaves the scope of a rule open."""
     for event in _events(evaluator, (rule.during, rule.at, rule.until), env):
-        found = _in_event(evaluator, *event, frame)
-        if found:
-            return found
+        cause = _in_event(evaluator, *event, frame)
+        if cause:
+            return cause
     when, apart = _when(evaluator, frame), _apart(evaluator, frame - 1) if frame else ""
     if apart:
         return f"its scope ended{apart}, and what went on until then shows at {when} alone"
@@ -213,9 +211,9 @@ def _in_condition(evaluator: Evaluator, condition: ast.Condition, env: Env, fram
     here[frame] = True
     for atom in condition.atoms:
         if _open(evaluator.atom(atom, env, here))[frame]:
-            found = _in_atom(evaluator, atom, env, frame, here)
-            if found:
-                return found
+            cause = _in_atom(evaluator, atom, env, frame, here)
+            if cause:
+                return cause
     return ""
 
 
@@ -227,8 +225,8 @@ def _in_atom(evaluator: Evaluator, atom: ast.Atom, env: Env, frame: int, here: B
     if isinstance(atom, ast.CountAtom):
         bodies = evaluator.players.get(atom.role, ())
         envs = [{**env, atom.role: body} for body in bodies]
-        found = (_in_state(evaluator, atom.call, inner, frame) for inner in envs)
-        return next(filter(None, found), "")
+        causes = (_in_state(evaluator, atom.call, inner, frame) for inner in envs)
+        return next(filter(None, causes), "")
     if isinstance(atom, ast.PastAtom | ast.PairAtom):
         other = atom.begun if isinstance(atom, ast.PastAtom) else atom.other
         calls = [atom.call] if other is None else [atom.call, other]
@@ -247,9 +245,9 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
     if atom.since is not None:
         reference, when = evaluator.since(atom.since, env)
         if when is not None:
-            found = _in_event(evaluator, atom.since, env, frame)
-            if found:
-                return found
+            cause = _in_event(evaluator, atom.since, env, frame)
+            if cause:
+                return cause
         earlier = None if when is not None else evaluator.earliest(atom.since, reference)
         if earlier is not None and earlier.since is not None and reference.since is not None:
             came = int(earlier.since[frame])
@@ -281,13 +279,13 @@ def _in_state(evaluator: Evaluator, call: ast.Call, env: Env, frame: int) -> str
     inner = dict(zip(state.of, bodies, strict=True))
     when = _open(evaluator.condition(state.when, inner))
     if when.any():
-        found = _in_condition(evaluator, state.when, inner, _nearest(when, frame))
-        if found:
-            return found
+        cause = _in_condition(evaluator, state.when, inner, _nearest(when, frame))
+        if cause:
+            return cause
     if state.until is not None:
-        found = _in_event(evaluator, state.until, inner, frame)
-        if found:
-            return found
+        cause = _in_event(evaluator, state.until, inner, frame)
+        if cause:
+            return cause
     apart = _apart(evaluator, frame)
     if apart:
         return f"how long {ast.Call(call.name, bodies)} lasted is not known{apart}, at {_when(evaluator, frame)}"
@@ -336,8 +334,8 @@ def _apart(evaluator: Evaluator, frame: int) -> str:
     return f" between two samples that are {apart:.0f} ms apart"
 
 
-def _open(found: Band) -> Bool:
-    return found.unknown
+def _open(band: Band) -> Bool:
+    return band.unknown
 
 
 def _nearest(frames: Bool, frame: int) -> int:

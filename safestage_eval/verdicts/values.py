@@ -165,8 +165,8 @@ class Values:
 
     def signal(self, name: str) -> Signal:
         """Declaration of the signal of this name, built-in or computed."""
-        found = SIGNALS.get(name)
-        return derived_signal(self.rules.derived[name]) if found is None else found
+        built_in = SIGNALS.get(name)
+        return derived_signal(self.rules.derived[name]) if built_in is None else built_in
 
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""

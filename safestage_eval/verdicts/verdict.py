@@ -168,10 +168,10 @@ class EpisodeResult:
 
         One violation decides, whatever the other assigned rules would say.
         """
-        found = [v.violation for v in self.assigned]
-        if True in found:
+        violations = [v.violation for v in self.assigned]
+        if True in violations:
             return True
-        return None if not found or None in found or self.not_loaded else False
+        return None if not violations or None in violations or self.not_loaded else False
 
     @property
     def by_roles(self) -> bool:

@@ -37,19 +37,19 @@ class Forbid(Obligation):
             return Margin(_negated(high), _negated(low), frame)
         return super().margin(evaluator, rule, what, env, scope)
 
-    def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:
+    def margin_of(self, band: Band, sure: Bool | None, lasting: Window) -> Margin:
         """How far the nearest run of the forbidden condition is from lasting long enough, negated."""
-        if not len(found.lower):
+        if not len(band.lower):
             return Margin(np.inf, np.inf, 0)
-        held = found
+        held = band
         if sure is not None:
-            held = Band(np.where(sure, found.lower, -np.inf), found.upper)
+            held = Band(np.where(sure, band.lower, -np.inf), band.upper)
         surely, possibly, frame = nearest_run(held, lasting)
         return Margin(_negated(possibly), _negated(surely), frame)
 
-    def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:
+    def broken(self, band: Band, sure: Bool, lasting: Window) -> Bool:
         """The frames of runs of the condition that certainly last long enough."""
-        out: Bool = without_short_runs(np.where(sure, found.lower, -np.inf), lasting) >= 0
+        out: Bool = without_short_runs(np.where(sure, band.lower, -np.inf), lasting) >= 0
         return out
 
     def first_witness(
@@ -63,9 +63,9 @@ class Forbid(Obligation):
         if first is not None and isinstance(first.what, ast.Event) and first.what.call is not None:
             state = speaking(evaluator, first.what.call, instance.env)
         if is_ordering(rule):
-            found = ordering(evaluator, rule, instance, first)
-            if found is not None:
-                return found._replace(state=state)
+            witness = ordering(evaluator, rule, instance, first)
+            if witness is not None:
+                return witness._replace(state=state)
         if first is None:
             return None
         if state is not None:

@@ -66,15 +66,15 @@ class Obligation(ABC):
     def band(self, evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
         """(N,) margins of the condition in the N frames of a scope."""
         wanted = mask_of([scope], evaluator.frames) if evaluator.asks_costly(what) else None
-        found = evaluator.obliged(self.kind, evaluator.alternative, what, env, wanted)
-        return found.at(scope.first, scope.stop)
+        band = evaluator.obliged(self.kind, evaluator.alternative, what, env, wanted)
+        return band.at(scope.first, scope.stop)
 
     @abstractmethod
-    def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:
+    def margin_of(self, band: Band, sure: Bool | None, lasting: Window) -> Margin:
         """The margin, from those of the condition in the frames of a scope.
 
         Args:
-            found: (N,).
+            band: (N,).
             sure: (N,) the frames that are certainly judged, None for all: only they can break it,
                 but all must be known to meet it.
             lasting: what ``for`` comes to in these frames.
@@ -85,7 +85,7 @@ class Obligation(ABC):
         return margin._replace(lower=-np.inf)
 
     @abstractmethod
-    def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:
+    def broken(self, band: Band, sure: Bool, lasting: Window) -> Bool:
         """(N,) the frames of a scope that certainly break it; arguments as in ``margin_of``."""
 
     # ---- witness

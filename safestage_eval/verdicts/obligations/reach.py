@@ -19,11 +19,11 @@ class Reach(Obligation):
     kind = "reach"
     kept = "Reached between {begin} and {end}: {what}."
 
-    def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:
+    def margin_of(self, band: Band, sure: Bool | None, lasting: Window) -> Margin:
         """How near the condition comes to holding for long enough."""
-        if not len(found.lower):
+        if not len(band.lower):
             return Margin(-np.inf, -np.inf, 0)
-        surely, possibly, frame = nearest_run(found, lasting)
+        surely, possibly, frame = nearest_run(band, lasting)
         if sure is None:
             return Margin(surely, possibly, frame)
         # a stretch that is not certain may be empty, or several, each of which would have to reach it
@@ -33,10 +33,10 @@ class Reach(Obligation):
         """It may have been reached already, or be reached later."""
         return margin._replace(upper=np.inf)
 
-    def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:  # noqa: ARG002
+    def broken(self, band: Band, sure: Bool, lasting: Window) -> Bool:  # noqa: ARG002
         """The whole scope, or nothing of it."""
-        never = held_from(found.upper, lasting.loose).max(initial=-np.inf) < 0
-        return np.full(len(found.lower), never)
+        never = held_from(band.upper, lasting.loose).max(initial=-np.inf) < 0
+        return np.full(len(band.lower), never)
 
     def foresight(self, look: Look, rule: ast.Rule, what: ast.Alternative) -> Foresight:  # noqa: ARG002
         """It is broken only when its span is over."""

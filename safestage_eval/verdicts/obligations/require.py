@@ -20,18 +20,18 @@ class Require(Obligation):
     kind = "require"
     kept = "Held from {begin} to {end}: {what}."
 
-    def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:  # noqa: ARG002
+    def margin_of(self, band: Band, sure: Bool | None, lasting: Window) -> Margin:  # noqa: ARG002
         """The least margin of any frame: every one must hold."""
-        if not len(found.lower):
+        if not len(band.lower):
             return Margin(np.inf, np.inf, 0)
-        upper = found.upper if sure is None else np.where(sure, found.upper, np.inf)
-        least, lowest = int(upper.argmin()), int(found.lower.argmin())
+        upper = band.upper if sure is None else np.where(sure, band.upper, np.inf)
+        least, lowest = int(upper.argmin()), int(band.lower.argmin())
         frame = least if upper[least] < 0 else lowest
-        return Margin(float(found.lower[lowest]), float(upper[least]), frame)
+        return Margin(float(band.lower[lowest]), float(upper[least]), frame)
 
-    def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:  # noqa: ARG002
+    def broken(self, band: Band, sure: Bool, lasting: Window) -> Bool:  # noqa: ARG002
         """The frames in which the condition certainly fails."""
-        return found.false & sure
+        return band.false & sure
 
     def breaches(self, rule: ast.Rule) -> Sequence[ast.Alternative]:
         """The whole condition, if it may require that some state does not hold."""

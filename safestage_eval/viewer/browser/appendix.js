@@ -10,7 +10,7 @@ import { plotCurve } from "./curve_plot.js";
 import { WitnessDrawing } from "./witness_drawing.js";
 
 const PICTURED = 24;   // episodes whose key frame and curves are drawn
-const TOLD = 300;      // episodes of which there are words
+const MOST_ARTICLES = 300;      // episodes of which there are words
 
 let stage = null, made = null;
 
@@ -58,7 +58,7 @@ async function pictures(table, place) {
   return [await keyFrame(data, film, headOf(film).head, finding, time), await drawnCurve(data, finding)];
 }
 
-function told(table, place) {
+function articleOf(table, place) {
   const cell = (name) => table.at(name, place);
   const labels = ["stage", "policy", "prompt", "seed", "rollout"].filter((name) => cell(name) !== null && cell(name) !== "–")
     .map((name) => `${name} ${cell(name)}`).join(", ");
@@ -72,11 +72,11 @@ function told(table, place) {
 export function wordsFor(table, places) {
   if (made === places) return;
   made = places;
-  const some = places.slice(0, TOLD), count = places.length.toLocaleString("en");
+  const some = places.slice(0, MOST_ARTICLES), count = places.length.toLocaleString("en");
   byId("appendix").replaceChildren(
     element("h2", {}, `Evidence: ${table.title}`),
-    element("p", { class: "soft" }, places.length > some.length ? `The ${TOLD} gravest of ${count} episodes.` : `${count} ${places.length === 1 ? "episode" : "episodes"}.`),
-    ...some.map((place) => told(table, place)));
+    element("p", { class: "soft" }, places.length > some.length ? `The ${MOST_ARTICLES} gravest of ${count} episodes.` : `${count} ${places.length === 1 ? "episode" : "episodes"}.`),
+    ...some.map((place) => articleOf(table, place)));
 }
 
 async function drawAll(table, places, tell) {

@@ -12,7 +12,7 @@ export class EpisodePane {
   /** `step` is called with −1 or 1, `back` when the list is wanted. */
   constructor(table, step, back) {
     this.table = table; this.data = null; this.place = null;
-    this.player = new PlayerPanel((time) => this._told(time));
+    this.player = new PlayerPanel((time) => this._moved(time));
     this.timeline = new PhaseTimeline((time) => { this.player.pause(); this.player.seek(time); });
     this.cards = new FindingCards(this.player);
     const button = (name, act, more = {}) => {
@@ -72,9 +72,9 @@ export class EpisodePane {
 
   _plain(place, why = null) {
     const rows = this.table.own[place].map((row) => this.table.finding(row));
-    const told = why ?? (this.table.traces ? "No replay: the evidence of this episode is not in this report."
+    const note = why ?? (this.table.traces ? "No replay: the evidence of this episode is not in this report."
       : "No replay: the report was made without the traces.");
-    this.cards.node.replaceChildren(element("p", { class: "note", role: "status" }, told), ...rows.map(plainCard));
+    this.cards.node.replaceChildren(element("p", { class: "note", role: "status" }, note), ...rows.map(plainCard));
   }
 
   _headOf(place, data) {
@@ -96,7 +96,7 @@ export class EpisodePane {
     return ["violation", "inconclusive", "pass", "not_applicable"].find((verdict) => own.includes(verdict)) ?? null;
   }
 
-  _told(time) {
+  _moved(time) {
     if (!this.data) return;
     this.timeline.tell(time);
     this.player.tint(this.cards.tell(time));

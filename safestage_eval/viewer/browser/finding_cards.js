@@ -37,9 +37,9 @@ export function plainCard(row) {
 }
 
 function statesOf(finding) {
-  const told = finding.lanes.filter((lane) => lane.true.length).map((lane) =>
+  const lanes = finding.lanes.filter((lane) => lane.true.length).map((lane) =>
     `${lane.name} ${lane.true.slice(0, 4).map(([a, b]) => `${a.toFixed(2)}–${b.toFixed(2)} s`).join(", ")}`);
-  return told.length ? element("p", { class: "small soft states" }, `States: ${told.slice(0, 6).join("; ")}.`) : null;
+  return lanes.length ? element("p", { class: "small soft states" }, `States: ${lanes.slice(0, 6).join("; ")}.`) : null;
 }
 
 export class FindingCards {
@@ -62,8 +62,8 @@ export class FindingCards {
     const none = this.cards.length ? [] : [element("p", { class: "note" },
       "None of the rules applies: the trace has no assigned rules among those loaded, or no roles. "
       + "--bind and --rules supply them.")];
-    const told = [...data.differs.map((text) => element("p", { class: "note" }, text)), ...none];
-    this.node.replaceChildren(...told, ...this.cards.map(({ node }) => node),
+    const notes = [...data.differs.map((text) => element("p", { class: "note" }, text)), ...none];
+    this.node.replaceChildren(...notes, ...this.cards.map(({ node }) => node),
       ...data.notes.map((text) => element("p", { class: "small soft" }, `Recording: ${text}.`)));
   }
 

@@ -19,9 +19,9 @@ export async function meshesOf(head) {
 }
 
 export class PlayerPanel {
-  /** `told` is called with the time whenever it changes. */
-  constructor(told) {
-    this.told = told; this.replay = null; this.drawing = null; this.time = 0; this.start = 0; this.end = 1;
+  /** `onTime` is called with the time whenever it changes. */
+  constructor(onTime) {
+    this.onTime = onTime; this.replay = null; this.drawing = null; this.time = 0; this.start = 0; this.end = 1;
     this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label":
       "3-D replay. Arrow keys turn the view, plus and minus bring it nearer and farther, zero resets it." });
     this.tags = element("div", { class: "tags", "aria-hidden": "true" });
@@ -126,7 +126,7 @@ export class PlayerPanel {
   _moved(time) {
     this.time = time;
     this.clock.textContent = seconds(time);
-    this.told(time);
+    this.onTime(time);
   }
 
   toggle() { if (this.playing) this.pause(); else this.play(); }

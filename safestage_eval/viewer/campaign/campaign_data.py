@@ -190,12 +190,12 @@ def judged(
         InputError: no episode can be judged.
     """
 
-    def told(behind: int) -> Callable[[int, int], None] | None:
+    def counting_from(behind: int) -> Callable[[int, int], None] | None:
         if progress is None:
             return None
         return lambda done, total: progress(behind + done, 2 * total)
 
-    results = score_many(refs, settings=settings, jobs=jobs, progress=told(0))
+    results = score_many(refs, settings=settings, jobs=jobs, progress=counting_from(0))
     problems = tuple(result for result in results if isinstance(result, Problem))
     rows = [row for result in results if isinstance(result, EpisodeResult) for row in result.rows()]
     done = {result.episode_id for result in results if isinstance(result, EpisodeResult)}
@@ -212,7 +212,7 @@ def judged(
         overrides=settings.overrides,
         bind=settings.bind,
         jobs=jobs,
-        progress=told(len(refs)),
+        progress=counting_from(len(refs)),
         folder=folder,
         everything=everything,
         sweep=sweep,
