@@ -11,9 +11,9 @@ from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.rules import string_parser
 from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.rules.files import benchmark_names, builtin_names
-from safestage_eval.rules.keys import REPEATED, TABLES, TOP
 from safestage_eval.rules.names import a_dimension
-from safestage_eval.rules.obligations import WORDS
+from safestage_eval.rules.obligation_checks import WORDS
+from safestage_eval.rules.table_keys import REPEATED, TABLES, TOP
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, same_kind
 

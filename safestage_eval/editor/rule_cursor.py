@@ -13,8 +13,8 @@ from typing import Literal
 
 from safestage_eval.rules.diagnostic import RuleErrors
 from safestage_eval.rules.files import parsed
-from safestage_eval.rules.keys import TOP
 from safestage_eval.rules.locate import Keys
+from safestage_eval.rules.table_keys import TOP
 
 _TOKEN = re.compile(
     r'''(?P<blank>[ \t\r]+)|(?P<line>\n)|(?P<comment>\#[^\n]*)

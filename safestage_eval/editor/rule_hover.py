@@ -11,9 +11,9 @@ from safestage_eval._text.line_width import LINE_WIDTH
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.report.rule_report import explain_vocabulary, vocabulary
 from safestage_eval.rules.files import RuleFile
-from safestage_eval.rules.keys import TABLES
 from safestage_eval.rules.locate import Keys
 from safestage_eval.rules.names import a_dimension, table_of
+from safestage_eval.rules.table_keys import TABLES
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, ZERO
 

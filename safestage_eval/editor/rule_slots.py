@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from safestage_eval.rules.keys import NAMED, REPEATED, TABLES
 from safestage_eval.rules.locate import Keys
+from safestage_eval.rules.table_keys import NAMED, REPEATED, TABLES
 
 
 @dataclass(frozen=True)

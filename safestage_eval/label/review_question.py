@@ -10,7 +10,7 @@ from typing import Any
 from safestage_eval.episode import Header
 from safestage_eval.errors import InputError
 from safestage_eval.report.rule_report import rule_facts
-from safestage_eval.rules import BindFile, RuleSet, bind_episode, words
+from safestage_eval.rules import BindFile, RuleSet, bind_episode, syntax_words
 from safestage_eval.rules import syntax as ast
 
 STAGES = {
@@ -86,7 +86,7 @@ def _with_material_limits(
             row = rules.materials.get(materials.get(body) or "", default)
             value = row.get(column, default.get(column))
             if value is not None:
-                limits.append(f"{body}: {words.value(value)}")
+                limits.append(f"{body}: {syntax_words.value(value)}")
         return match[0] + (f" ({', '.join(limits)})" if limits else "")
 
     return re.sub(r"the (\w+) of (\w+)", with_limits, text)

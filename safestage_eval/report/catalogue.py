@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
-from safestage_eval.rules import load_rules, words
+from safestage_eval.rules import load_rules, syntax_words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import reached
 from safestage_eval.rules.files import builtin_folder
@@ -91,7 +91,7 @@ def _rules(rules: ast.RuleSet, origins: Mapping[str, Source]) -> Iterator[str]:
         for code in sorted(rules.rules):
             if code.startswith(family):
                 rule = rules.rules[code]
-                own = {name: words.value(value) for name, value in rule.set}
+                own = {name: syntax_words.value(value) for name, value in rule.set}
                 yield from _rule(rule_facts(rules, rule, origins), own)
 
 
@@ -137,7 +137,7 @@ def _shared(rules: ast.RuleSet, origins: Mapping[str, Source]) -> Iterator[str]:
             [
                 (
                     f"`{name}`",
-                    words.value(rules.params[name]),
+                    syntax_words.value(rules.params[name]),
                     origins[f"param.{name}"].comment,
                     *_dots(rules, partial(_reads, rules, name)),
                 )
@@ -182,7 +182,10 @@ def _reads_baseline(rules: ast.RuleSet, rule: ast.Rule) -> bool:
 def _materials(rules: ast.RuleSet) -> Iterator[str]:
     columns = list(rules.materials["default"])
     rows = [
-        (f"`{name}`", *(words.value(row[column]) if column in row else "" for column in columns))
+        (
+            f"`{name}`",
+            *(syntax_words.value(row[column]) if column in row else "" for column in columns),
+        )
         for name, row in rules.materials.items()
     ]
     yield from _table(("material", *(f"`{column}`" for column in columns)), rows)

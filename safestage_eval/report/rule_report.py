@@ -8,7 +8,7 @@ from typing import Any
 from safestage_eval._text.line_width import LINE_WIDTH
 from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.rules import rule_digest, words
+from safestage_eval.rules import rule_digest, syntax_words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
 from safestage_eval.rules.names import a_dimension
@@ -39,13 +39,14 @@ def rule_facts(
         "path": rule.path,
         "line": rule.line,
         "digest": rule_digest(rules, rule, params),
-        "roles": {name: words.role(spec) for name, spec in rule.roles},
-        "given": words.condition(rule.given, params) if rule.given is not None else None,
+        "roles": {name: syntax_words.role(spec) for name, spec in rule.roles},
+        "given": syntax_words.condition(rule.given, params) if rule.given is not None else None,
         "scope": _scope(rule, params),
-        "until": words.event(rule.until) if rule.until is not None else None,
+        "until": syntax_words.event(rule.until) if rule.until is not None else None,
         **(_charges(rule, params) if isinstance(rule, ast.Cost) else _asked(rule, params)),
         "severity": {
-            level: {name: words.value(v) for name, v in values} for level, values in rule.severity
+            level: {name: syntax_words.value(v) for name, v in values}
+            for level, values in rule.severity
         },
         "explain": rule.explain,
         "examples": {
@@ -62,7 +63,7 @@ def rule_facts(
             {
                 "material": material,
                 "column": column,
-                "value": words.value(row[column]),
+                "value": syntax_words.value(row[column]),
                 **_origin(origins.get(f"material.{material}.{column}")),
             }
             for column in uses.columns
@@ -70,15 +71,21 @@ def rule_facts(
             if column in row
         ],
         "states": {
-            str(ast.Call(name, rules.states[name].of)): words.state(rules.states[name], params)
+            str(ast.Call(name, rules.states[name].of)): syntax_words.state(
+                rules.states[name], params
+            )
             for name in uses.states
         },
         "phases": {
-            str(ast.Call(name, rules.phases[name].of)): words.phase(rules.phases[name], params)
+            str(ast.Call(name, rules.phases[name].of)): syntax_words.phase(
+                rules.phases[name], params
+            )
             for name in uses.phases
         },
         "computed": {
-            str(ast.Call(name, rules.derived[name].of)): words.derived(rules.derived[name], params)
+            str(ast.Call(name, rules.derived[name].of)): syntax_words.derived(
+                rules.derived[name], params
+            )
             for name in uses.computed
         },
         "signals": list(uses.signals),
@@ -90,13 +97,13 @@ def rule_facts(
 def _asked(rule: ast.Rule, params: ast.Params) -> dict[str, Any]:
     return {
         **{k: _obligation(clause, getattr(rule, k), params) for k, clause in CLAUSES.items()},
-        "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
+        "for": syntax_words.duration(rule.for_, params) if rule.for_ is not None else None,
     }
 
 
 def _obligation(clause: ClauseSpec, value: Any, params: ast.Params) -> list[str] | str | None:
     """The entries of an obligation in words, or the one that it can have."""
-    in_words = words.atom if clause.value == "condition" else words.alternative
+    in_words = syntax_words.atom if clause.value == "condition" else syntax_words.alternative
     texts = [in_words(item, params) for item in clause.entries(value)]
     return next(iter(texts), None) if clause.value == "alternative" else texts
 
@@ -111,8 +118,13 @@ def obligations(facts: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _charges(cost: ast.Cost, params: ast.Params) -> dict[str, Any]:
-    budget = None if cost.budget is None else words.limit(ast.Limit("<=", cost.budget), params)
-    return {"charges": [words.charge(item, params) for item in cost.charge], "budget": budget}
+    budget = (
+        None if cost.budget is None else syntax_words.limit(ast.Limit("<=", cost.budget), params)
+    )
+    return {
+        "charges": [syntax_words.charge(item, params) for item in cost.charge],
+        "budget": budget,
+    }
 
 
 def explain_rule(facts: Mapping[str, Any]) -> str:
@@ -221,14 +233,16 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
 
 def _scope(rule: ast.Scoped, params: ast.Params) -> str:
     if rule.at is not None:
-        return f"at {words.event(rule.at)}"
-    return f"during {words.span(rule.during, params)}" if rule.during else "the whole episode"
+        return f"at {syntax_words.event(rule.at)}"
+    return (
+        f"during {syntax_words.span(rule.during, params)}" if rule.during else "the whole episode"
+    )
 
 
 def _parameter(
     name: str, value: ast.Setting, by: str, origins: Mapping[str, Source]
 ) -> dict[str, Any]:
-    facts = {"name": name, "value": words.value(value)}
+    facts = {"name": name, "value": syntax_words.value(value)}
     if by:
         return {**facts, "source": by, "comment": ""}
     return {**facts, **_origin(origins.get(f"param.{name}"))}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from safestage_eval.rules.compare import Comparison
-from safestage_eval.rules.parts import Part
+from safestage_eval.rules.meaning_differences import Part
 
 from .render_json import render_json
 

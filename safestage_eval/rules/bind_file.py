@@ -27,8 +27,8 @@ from typing import Any, Literal
 from safestage_eval.episode import Episode, Header, with_header
 from safestage_eval.errors import RuleError, did_you_mean
 
-from . import build, structure
 from . import syntax as ast
+from . import syntax_builder, table_checks
 from .body_facts import BodyFacts, with_facts
 from .check import check_goal
 from .command_binding import CommandBinding, command_binding
@@ -198,7 +198,7 @@ class _Checker:
         """Name or pattern → what is said of the bodies."""
         out = {}
         for name, table in self._tables("body").items():
-            good = structure.table(self._usage, "described", table, ("body", name))
+            good = table_checks.table(self._usage, "described", table, ("body", name))
             up = good.get("up")
             axis: tuple[float, ...] | Literal[False] | None = (
                 up if up is None or up is False else tuple(map(float, up))
@@ -216,25 +216,25 @@ class _Checker:
         return {}
 
     def _entry(self, name: str, table: Any, keys: Keys) -> ast.TaskDef:
-        good = structure.table(self._usage, "bound", table, keys)
+        good = table_checks.table(self._usage, "bound", table, keys)
         for index, code in enumerate(good.get("rules", ())):
-            if not re.fullmatch(structure.CODE, code):
+            if not re.fullmatch(table_checks.CODE, code):
                 self._usage.report(
                     "R203", (*keys, "rules", index), f'"{code}" is not a code',
                     "three capital letters and three digits: ETS101",
                 )  # fmt: skip
-        structure.players(self._usage, good, keys)
+        table_checks.players(self._usage, good, keys)
         for parameter, value in good.get("set", {}).items():
             self._usage.setting(parameter, value, (*keys, "set", parameter))
         goal = self._goal(good.get("goal"), (*keys, "goal"))
         if self.problems:
             return ast.TaskDef(name)
-        return build.task(name, {**good, "goal": goal})
+        return syntax_builder.task(name, {**good, "goal": goal})
 
     def _goal(self, goal: Any, keys: Keys) -> ast.GoalDef | str | None:
         if goal is None or isinstance(goal, str):
             return goal
         problems = check_goal(self._names, goal, self._file.path, self._file, keys)
         self.problems += problems
-        builder = build.Builder(frozenset(self._rules.phases))
+        builder = syntax_builder.Builder(frozenset(self._rules.phases))
         return None if problems else builder.goal("bind file", goal)

@@ -1,4 +1,4 @@
-"""Everything that is wrong with rule files, all at once, before any of them is used."""
+"""All checks of rule files, which report every problem at once before any file is used."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
-from . import string_parser, structure
+from . import string_parser, table_checks
 from . import syntax as ast
-from .coherence import Coherence
+from .coherence_checks import Coherence
 from .condition_checks import Usage
 from .diagnostic import Diagnostic
 from .files import RuleFile
-from .keys import NAMED, REPEATED, TABLES, TOP
 from .locate import Keys
 from .names import Names, Near, operands_of, table_of
-from .obligations import Obligations
+from .obligation_checks import Obligations
 from .operations import OPERATIONS, DimensionError, Operation, dimension_of_result
-from .references import Read, Scope
+from .reference_checks import Read, Scope
 from .signal_options import read_option
+from .table_keys import NAMED, REPEATED, TABLES, TOP
 
 
 def check(files: Sequence[RuleFile]) -> list[Diagnostic]:
@@ -78,11 +78,11 @@ class _FileChecker(Obligations):
                 '[ruleset] format = 1, name = "…", version = "1.0.0"', "begin it with [ruleset]",
             )  # fmt: skip
         else:
-            structure.table(usage, "ruleset", table["ruleset"], ("ruleset",))
+            table_checks.table(usage, "ruleset", table["ruleset"], ("ruleset",))
         if "baseline" in table:
             self._baseline(table["baseline"])
         for name, value in table_of(table, "param").items():
-            structure.declared_name(usage, name, ("param", name))
+            table_checks.declared_name(usage, name, ("param", name))
             usage.value_of(value, ("param", name))
         self._materials(table_of(table, "material").items())
         for kind in NAMED:
@@ -97,7 +97,7 @@ class _FileChecker(Obligations):
 
     def _baseline(self, table: Any) -> None:
         keys: Keys = ("baseline", "span")
-        good = structure.table(self.usage, "baseline", table, ("baseline",))
+        good = table_checks.table(self.usage, "baseline", table, ("baseline",))
         if "span" not in good:
             return
         scope = self.scope(("baseline", ""), "[baseline]", ())
@@ -117,7 +117,7 @@ class _FileChecker(Obligations):
     def _materials(self, rows: Iterable[tuple[str, Any]]) -> None:
         for name, row in rows:
             keys: Keys = ("material", name)
-            structure.declared_name(self.usage, name, keys)
+            table_checks.declared_name(self.usage, name, keys)
             if not isinstance(row, dict):
                 self.usage.report(
                     "R203", keys, "a material is a table of columns", "[material.bottle]"
@@ -125,14 +125,14 @@ class _FileChecker(Obligations):
                 continue
             for column, value in row.items():
                 at = (*keys, column)
-                structure.declared_name(self.usage, column, at)
+                table_checks.declared_name(self.usage, column, at)
                 quantity = self.usage.value_of(value, at)
                 if isinstance(quantity, ast.Duration):
                     self.usage.report("R407", at, "a column holds quantities, not durations")
 
     def _named(self, kind: str, name: str, value: Any) -> None:
         keys: Keys = (kind, name)
-        structure.declared_name(self.usage, name, keys)
+        table_checks.declared_name(self.usage, name, keys)
         if kind in ("signal", "state", "phase"):
             taken = [
                 k for k, table in (("signal", SIGNALS), ("relation", RELATIONS)) if name in table
@@ -144,7 +144,7 @@ class _FileChecker(Obligations):
         if kind == "goal":
             self.goal(keys, value)
             return
-        good = structure.table(self.usage, kind, value, keys)
+        good = table_checks.table(self.usage, kind, value, keys)
         match kind:
             case "signal":
                 self._signal(name, good, keys)
@@ -293,7 +293,7 @@ class _FileChecker(Obligations):
 
     def goal(self, keys: Keys, value: Any) -> None:
         """``[goal.NAME]``."""
-        table = structure.table(self.usage, "goal", value, keys)
+        table = table_checks.table(self.usage, "goal", value, keys)
         read = ("goal", str(keys[-1]))
         scope = self.roles(read, f"goal {keys[-1]}", table, keys, tuple(TABLES["goal"]))
         if "require" in table:
@@ -312,7 +312,7 @@ class _FileChecker(Obligations):
                     ", ".join(sorted(among)) or f"a [{key}.NAME] of this file or one it extends",
                     Near(table[key], among),
                 )  # fmt: skip
-        structure.players(self.usage, table, keys)
+        table_checks.players(self.usage, table, keys)
 
     def _assigned(self, table: dict[str, Any], keys: Keys) -> None:
         for index, code in enumerate(table.get("rules", ())):

@@ -8,7 +8,7 @@ from typing import Any
 
 from . import syntax as ast
 from .digest import reached, rule_digest
-from .parts import Meaning, Part, differences, value_text
+from .meaning_differences import Meaning, Part, differences, value_text
 from .uses import own_params
 
 

@@ -1,4 +1,4 @@
-"""Whether what a condition says makes sense: grammar, names, dimensions, depth."""
+"""Checks of conditions in rule files: grammar, names, dimensions, depth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from . import string_parser
 from . import syntax as ast
 from .locate import Keys
 from .names import Near, a_dimension
-from .references import References, Scope, literal
+from .reference_checks import References, Scope, literal
 
 
 class Usage(References):

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from safestage_eval.episode import Header
 from safestage_eval.errors import RuleError, nearest
 
-from . import build
 from . import syntax as ast
+from . import syntax_builder
 from .bind_file import BindFile
 from .check import check_goal
 from .names import Names
@@ -284,4 +284,4 @@ def _goal(
     if problems:
         first = problems[0]
         raise RuleError("trace header, goal", f"{first.what}.", first.allowed, first.fix)
-    return build.Builder(frozenset(rules.phases)).goal("header", header.goal), ()
+    return syntax_builder.Builder(frozenset(rules.phases)).goal("header", header.goal), ()

@@ -9,7 +9,7 @@ from typing import Any
 
 from safestage_eval.evidence.declare import Signal
 
-from . import build, string_parser
+from . import string_parser, syntax_builder
 from . import syntax as ast
 from .check import check
 from .diagnostic import Diagnostic, RuleErrors
@@ -71,7 +71,7 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
                 before = tables[kind].get(name, {}) if kind == "material" else None
                 tables[kind][name] = value if before is None else {**before, **value}
         baseline = file.table.get("baseline", {}).get("span", baseline)
-    builder = build.Builder(frozenset(tables["phase"]))
+    builder = syntax_builder.Builder(frozenset(tables["phase"]))
     named = [file for file in files if file.asked]
     computed = {n: t for n, t in tables["signal"].items() if operation_of(t) is not None}
     signals = Names.of_table(file.table for file in files).variants if computed else {}
@@ -103,12 +103,13 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
         states={name: builder.state(name, t) for name, t in tables["state"].items()},
         phases={name: builder.phase(name, t) for name, t in tables["phase"].items()},
         goals={name: builder.goal(name, t) for name, t in tables["goal"].items()},
-        families={name: build.family(name, t) for name, t in tables["family"].items()},
-        tasks={name: build.task(name, t) for name, t in tables["task"].items()},
+        families={name: syntax_builder.family(name, t) for name, t in tables["family"].items()},
+        tasks={name: syntax_builder.task(name, t) for name, t in tables["task"].items()},
         rules={rule.code: rule for rule in rules},
         costs={cost.code: cost for cost in costs},
         derived={
-            name: build.derived(name, t, _dimension(signals[name])) for name, t in computed.items()
+            name: syntax_builder.derived(name, t, _dimension(signals[name]))
+            for name, t in computed.items()
         },
     )
 

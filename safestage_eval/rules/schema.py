@@ -17,10 +17,10 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
-from . import string_parser, structure
+from . import string_parser, table_checks
 from .clauses import CLAUSES
-from .keys import IN_BIND, NAMED, REPEATED, TABLES, Key
 from .operations import OPERATIONS, OperationSpec
+from .table_keys import IN_BIND, NAMED, REPEATED, TABLES, Key
 
 FILE = "rules.schema.json"
 
@@ -148,9 +148,9 @@ def _key(key: Key) -> dict[str, Any]:
         case "box":
             return {"type": "array"}
         case "format":
-            return {"const": structure.FORMAT}
+            return {"const": table_checks.FORMAT}
         case "code":
-            return _text(structure.CODE)
+            return _text(table_checks.CODE)
         case "texts":
             return {"type": "array", "items": {"type": "string"}}
         case "names":

@@ -8,7 +8,7 @@ from typing import Any
 
 from safestage_eval._text.plural import first_few
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules import words
+from safestage_eval.rules import syntax_words
 from safestage_eval.units import format_quantity
 
 from .evaluate import Evaluator
@@ -42,8 +42,10 @@ def unmet(evaluator: Evaluator, rule: ast.Rule, clause: ast.Clause, instance: In
 def scope(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> str:
     """When a rule is judged: ``hold``, ``from the start of taken(cup) to success``."""
     if rule.at is not None:
-        return words.event(with_bodies(rule.at, env, evaluator))
-    return words.span(with_bodies(rule.during or ast.Whole(), env, evaluator), evaluator.params)
+        return syntax_words.event(with_bodies(rule.at, env, evaluator))
+    return syntax_words.span(
+        with_bodies(rule.during or ast.Whole(), env, evaluator), evaluator.params
+    )
 
 
 def condition(evaluator: Evaluator, what: ast.Alternative, envs: Sequence[Env]) -> str:
@@ -52,7 +54,7 @@ def condition(evaluator: Evaluator, what: ast.Alternative, envs: Sequence[Env]) 
     part = what if several else with_bodies(what, envs[0], evaluator)
     sole = part.atoms[0] if isinstance(part, ast.Condition) and len(part.atoms) == 1 else None
     parts = sole.alternatives if isinstance(sole, ast.AnyOf) else (part,)
-    texts = [words.alternative(one, evaluator.params) for one in parts]
+    texts = [syntax_words.alternative(one, evaluator.params) for one in parts]
     if len(texts) > 1:
         texts = [f"({text})" if " and " in text else text for text in texts]
     text = " or ".join(texts)

@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules import words
+from safestage_eval.rules import syntax_words
 from safestage_eval.states.band import Bool
 
 from .clause_words import condition, kept, scope, unmet
@@ -178,7 +178,7 @@ def _without_measurement(
         why = f"{during} has no frames"
     elif rule.for_ is not None and evaluator.window(rule.for_).stop(first) > stop:
         short, lasts = True, seconds(evaluator.clock.seconds(first, stop))
-        asked = words.duration(rule.for_, evaluator.params)
+        asked = syntax_words.duration(rule.for_, evaluator.params)
         why = f"{during} lasts {lasts}, and the rule asks for {asked}"
     else:
         why = "no moment came that it asks about"

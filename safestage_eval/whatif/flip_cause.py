@@ -11,7 +11,7 @@ from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import GROUPS
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.parts import Meaning, Part, differences, mixed
+from safestage_eval.rules.meaning_differences import Meaning, Part, differences, mixed
 from safestage_eval.rules.uses import calls
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import baseline_frames

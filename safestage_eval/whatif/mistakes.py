@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from safestage_eval.rules import RuleSet, words
+from safestage_eval.rules import RuleSet, syntax_words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.rules.operations import OPERATIONS, Operation
@@ -123,9 +123,9 @@ def _of_computed(computed: ast.DerivedDef, rules: RuleSet) -> Iterator[Mistake]:
         for value in scalings(operand, place):
             with_it = (*operands[:i], value, *operands[i + 1 :])
             others.append(("unit", replace(computed, operands=with_it)))
-    said = words.derived(computed, rules.params)
+    said = syntax_words.derived(computed, rules.params)
     for kind, changed in others:
-        yield Mistake(kind, f"{said} → {words.derived(changed, rules.params)}", changed)
+        yield Mistake(kind, f"{said} → {syntax_words.derived(changed, rules.params)}", changed)
 
 
 def _of_scope(rule: ast.Scoped, place: Place) -> Iterator[Mistake]:
@@ -135,12 +135,12 @@ def _of_scope(rule: ast.Scoped, place: Place) -> Iterator[Mistake]:
     if rule.given is not None:
         yield from _without("scope", "only if", rule, "given", place)
     if rule.at is not None:
-        yield Mistake("scope", f"at {words.event(rule.at)} → always", replace(rule, at=None))
+        yield Mistake("scope", f"at {syntax_words.event(rule.at)} → always", replace(rule, at=None))
     if rule.during is not None:
-        text = f"during {words.span(rule.during, place.params)} → always"
+        text = f"during {syntax_words.span(rule.during, place.params)} → always"
         yield Mistake("scope", text, replace(rule, during=None))
     if rule.until is not None:
-        text = f"until {words.event(rule.until)} → to the end"
+        text = f"until {syntax_words.event(rule.until)} → to the end"
         yield Mistake("scope", text, replace(rule, until=None))
 
 
@@ -163,16 +163,16 @@ def _of_rule(rule: ast.Rule, place: Place) -> Iterator[Mistake]:
         for i, item in enumerate(clause.entries(value)):
             rest = value[:i] + value[i + 1 :] if isinstance(value, tuple) else None
             changed: dict[str, Any] = {kind: rest}
-            text = f"without: {clause.heading} {words.alternative(item, place.params)}"
+            text = f"without: {clause.heading} {syntax_words.alternative(item, place.params)}"
             yield Mistake("obligation", text, replace(rule, **changed))
 
 
 def _of_cost(cost: ast.Cost, place: Place) -> Iterator[Mistake]:
     """Mistakes in the charges and the budget of a cost."""
     for i, charge in enumerate(cost.charge):
-        said = words.charge(charge, place.params)
+        said = syntax_words.charge(charge, place.params)
         for kind, changed in _of_charge(charge, cost, place):
-            text = f"{said} → {words.charge(changed, place.params)}"
+            text = f"{said} → {syntax_words.charge(changed, place.params)}"
             charges = (*cost.charge[:i], changed, *cost.charge[i + 1 :])
             yield Mistake(kind, text, replace(cost, charge=charges))
         if len(cost.charge) > 1:
@@ -211,7 +211,7 @@ def _without(
     for i, atom in enumerate(condition.atoms):
         rest = condition.atoms[:i] + condition.atoms[i + 1 :]
         left = ast.Condition(rest) if rest else None
-        text = f"without: {link} {words.atom(atom, place.params)}"
+        text = f"without: {link} {syntax_words.atom(atom, place.params)}"
         yield Mistake(kind, text, replace(rule, **{field: left}))  # type: ignore[arg-type]
 
 
@@ -226,5 +226,5 @@ def _of_roles(rule: ast.Scoped) -> Iterator[Mistake]:
         ]
         for other in wider:
             roles = (*rule.roles[:i], (name, other), *rule.roles[i + 1 :])
-            text = f"{name} = {words.role(spec)} → {words.role(other)}"
+            text = f"{name} = {syntax_words.role(spec)} → {syntax_words.role(other)}"
             yield Mistake("role", text, replace(rule, roles=roles))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, Literal, NamedTuple
 
-from safestage_eval.rules import RuleSet, words
+from safestage_eval.rules import RuleSet, syntax_words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals import SIGNALS
 
@@ -86,7 +86,7 @@ def _of_node(node: Any, place: Place) -> Iterator[Mistake]:
         case ast.SignalAtom():
             yield from _of_limits(node, place)
             if node.since is not None and node.since.kind != "start":  # it begins at the start
-                text = f"{node.call} since {words.event(node.since)} → since the start"
+                text = f"{node.call} since {syntax_words.event(node.since)} → since the start"
                 yield Mistake("scope", text, replace(node, since=None))
         case ast.StateAtom():
             turned = replace(node, want=not node.want)
@@ -119,7 +119,7 @@ def _of_node(node: Any, place: Place) -> Iterator[Mistake]:
 
 
 def _told(kind: Kind, atom: ast.Atom, other: ast.Atom, place: Place) -> Mistake:
-    said = f"{words.atom(atom, place.params)} → {words.atom(other, place.params)}"
+    said = f"{syntax_words.atom(atom, place.params)} → {syntax_words.atom(other, place.params)}"
     return Mistake(kind, said, other)
 
 
@@ -133,7 +133,7 @@ def _of_limits(atom: ast.SignalAtom, place: Place) -> Iterator[Mistake]:
             ("unit", replace(limit, value=value, text="")) for value in scalings(limit.value, place)
         ]
         for kind, changed in changes:
-            said, other = words.limit(limit, params), words.limit(changed, params)
+            said, other = syntax_words.limit(limit, params), syntax_words.limit(changed, params)
             limits = (*atom.limits[:i], changed, *atom.limits[i + 1 :])
             yield Mistake(kind, f"{atom.call} {said} → {other}", replace(atom, limits=limits))
 
@@ -157,7 +157,7 @@ def duration_mistakes(
     """``least``: whole frames that mean something."""
     lasts = place.params[duration.name] if isinstance(duration, ast.Parameter) else duration
     assert isinstance(lasts, ast.Duration)
-    said = words.duration(duration, place.params)
+    said = syntax_words.duration(duration, place.params)
     for factor in LONGER:
         amount = lasts.amount * factor
         if lasts.frames:
@@ -165,7 +165,7 @@ def duration_mistakes(
         if amount == lasts.amount:
             continue  # one frame is the least there is
         changed = ast.Duration(amount, lasts.frames, lasts.least if factor else 1)
-        yield f"{said} → {words.duration(changed, place.params)}", changed
+        yield f"{said} → {syntax_words.duration(changed, place.params)}", changed
 
 
 def _of_event(node: Any, field: str, event: ast.Event) -> Iterator[Mistake]:
@@ -173,12 +173,12 @@ def _of_event(node: Any, field: str, event: ast.Event) -> Iterator[Mistake]:
     if event.call is None:
         return
     moved = replace(event, edge="start" if event.edge == "end" else "end", text="")
-    said = f"{field} {words.event(event)} → {words.event(moved)}"
+    said = f"{field} {syntax_words.event(event)} → {syntax_words.event(moved)}"
     yield Mistake("scope", said, replace(node, **{field: moved}))
 
 
 def _of_span(node: ast.Part | ast.Around | ast.While, place: Place) -> Iterator[Mistake]:
-    said = words.span(node, place.params)
+    said = syntax_words.span(node, place.params)
     if isinstance(node, ast.Around):
         after: Literal["before", "after"] = "after" if node.which == "before" else "before"
         other: ast.Span = replace(node, which=after)
@@ -187,7 +187,7 @@ def _of_span(node: ast.Part | ast.Around | ast.While, place: Place) -> Iterator[
         other = replace(node, which=last)
     else:
         other = node.of
-    yield Mistake("scope", f"{said} → {words.span(other, place.params)}", other)
+    yield Mistake("scope", f"{said} → {syntax_words.span(other, place.params)}", other)
 
 
 def _of_definition(node: ast.StateDef | ast.PhaseDef) -> Iterator[Mistake]:

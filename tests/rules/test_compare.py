@@ -5,7 +5,7 @@ from toy import ruleset
 
 from safestage_eval.rules import builtin_names, load_rules, rule_digest
 from safestage_eval.rules.compare import compare
-from safestage_eval.rules.parts import Meaning, differences, mixed
+from safestage_eval.rules.meaning_differences import Meaning, differences, mixed
 from safestage_eval.rules.uses import own_params
 
 BASE = """

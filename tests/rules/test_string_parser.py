@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from safestage_eval.rules import string_parser
-from safestage_eval.rules.build import Builder
 from safestage_eval.rules.schema import schema
 from safestage_eval.rules.syntax import (
     Around,
@@ -26,6 +25,7 @@ from safestage_eval.rules.syntax import (
     While,
     Whole,
 )
+from safestage_eval.rules.syntax_builder import Builder
 from safestage_eval.units import DIMENSIONS, ZERO
 
 names = st.from_regex(r"[a-z][a-z0-9_]{0,6}", fullmatch=True).filter(

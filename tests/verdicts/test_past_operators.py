@@ -13,7 +13,7 @@ from scenes import Scene
 from toy import HEAD, Facts, judge_toy, ruleset, series
 
 from safestage_eval.monitor import Monitor
-from safestage_eval.rules import words
+from safestage_eval.rules import syntax_words
 from safestage_eval.rules.check import check
 from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.load import RuleFile, merge
@@ -177,7 +177,7 @@ def test_a_checked_file_is_not_refused() -> None:
     assert check([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)]) == []
     (rule,) = ruleset(text).rules.values()
     assert rule.require is not None
-    said = [words.atom(atom, {}) for atom in rule.require.atoms]
+    said = [syntax_words.atom(atom, {}) for atom in rule.require.atoms]
     assert said == [
         "once from 2 s ago to now p(a)",
         "always from the start to now p(a)",

@@ -1,4 +1,4 @@
-"""Whether each table of a rule file has the keys it must have, no others, and values of their type."""
+"""Checks of tables in rule files: required keys, unknown keys, types of values."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 from . import string_parser
 from .condition_checks import Usage
-from .keys import IN_BIND, TABLES, Key
 from .locate import Keys
 from .names import RESERVED, Near
+from .table_keys import IN_BIND, TABLES, Key
 
 CODE = "[A-Z]{3}[0-9]{3}"
 """A rule's code: three letters for its stage or benchmark, three digits."""

@@ -1,4 +1,4 @@
-"""Check names, numbers, events, durations and spans in a rule file: does each mean something here?"""
+"""Checks of names, numbers, events, durations and spans in rule files."""
 
 from __future__ import annotations
 

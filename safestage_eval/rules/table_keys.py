@@ -1,4 +1,4 @@
-"""Which keys each table of a rule file may have, what they hold and what they mean."""
+"""Keys of each table of a rule file: kinds of values, and meanings."""
 
 from __future__ import annotations
 

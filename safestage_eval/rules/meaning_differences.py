@@ -1,4 +1,4 @@
-"""Two meanings of one rule, taken apart: what differs, and rules that are partly the one, partly the other."""
+"""Differences between two meanings of one rule, and rules with some of them applied."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 from . import syntax as ast
-from . import words
+from . import syntax_words
 from .clauses import CLAUSES, ClauseKind
 from .uses import uses_of
 
@@ -94,7 +94,7 @@ def differences(before: Meaning, after: Meaning) -> list[Part]:
             if old_def != new_def:
                 parts.append(Part(kind, name, said(old_def, before), said(new_def, after)))
     if before.rules.baseline != after.rules.baseline:
-        spans = (words.span(side.rules.baseline, side.params) for side in (before, after))
+        spans = (syntax_words.span(side.rules.baseline, side.params) for side in (before, after))
         parts.append(Part("baseline", "", *spans))
     return values + parts + _of_rule(before, after)
 
@@ -189,7 +189,7 @@ def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
 
 def _charged(side: Meaning) -> str:
     charges = side.rule.charge if isinstance(side.rule, ast.Cost) else ()
-    return "; ".join(words.charge(item, side.params) for item in charges) or "a rule"
+    return "; ".join(syntax_words.charge(item, side.params) for item in charges) or "a rule"
 
 
 def _entries(rule: ast.Rule, kind: ClauseKind) -> dict[str, ast.Atom | ast.Alternative]:
@@ -213,15 +213,19 @@ def _name(item: Any) -> str:
     if isinstance(item, ast.Condition) and len(item.atoms) == 1:
         item = item.atoms[0]
     if isinstance(item, ast.SignalAtom):
-        since = f" since {words.event(item.since)}" if item.since is not None else ""
+        since = f" since {syntax_words.event(item.since)}" if item.since is not None else ""
         return f"{item.call}{since}"
     if isinstance(item, ast.StateAtom | ast.CountAtom):
         return str(item.call)
     if isinstance(item, ast.Event):
-        return words.event(item)
+        return syntax_words.event(item)
     if isinstance(item, ast.PastAtom | ast.PairAtom):
-        return words.atom(replace(item, want=True), {})
-    return words.atom(item, {}) if isinstance(item, ast.AnyOf) else words.condition(item, {})
+        return syntax_words.atom(replace(item, want=True), {})
+    return (
+        syntax_words.atom(item, {})
+        if isinstance(item, ast.AnyOf)
+        else syntax_words.condition(item, {})
+    )
 
 
 def _limits(name: str, item: Any, params: ast.Params) -> str:
@@ -234,16 +238,16 @@ def _said(item: Any, params: ast.Params) -> str | None:
     if item is None:
         return None
     if isinstance(item, ast.Condition):
-        return words.condition(item, params)
+        return syntax_words.condition(item, params)
     if isinstance(item, ast.Event):
-        return words.event(item)
+        return syntax_words.event(item)
     if isinstance(item, ast.Duration | ast.Parameter):
-        return words.duration(item, params)
+        return syntax_words.duration(item, params)
     if isinstance(item, ast.Atom):
-        return words.atom(item, params)
+        return syntax_words.atom(item, params)
     if isinstance(item, tuple):  # roles
-        return "; ".join(f"{name}: {words.role(spec)}" for name, spec in item)
-    return words.span(item, params)
+        return "; ".join(f"{name}: {syntax_words.role(spec)}" for name, spec in item)
+    return syntax_words.span(item, params)
 
 
 def _definitions(before: Meaning, after: Meaning) -> list[tuple[Kind, Any, Any, Any]]:
@@ -273,16 +277,16 @@ def _still(signals: Mapping[str, Any], kind: type) -> dict[str, Any]:
 
 def _signal(item: ast.SignalDef | ast.DerivedDef | None, side: Meaning) -> str | None:
     if isinstance(item, ast.DerivedDef):
-        return words.derived(item, side.params)
+        return syntax_words.derived(item, side.params)
     return None if item is None else item.base
 
 
 def _state(item: ast.StateDef | None, side: Meaning) -> str | None:
-    return None if item is None else words.state(item, side.params)
+    return None if item is None else syntax_words.state(item, side.params)
 
 
 def _phase(item: ast.PhaseDef | None, side: Meaning) -> str | None:
-    return None if item is None else words.phase(item, side.params)
+    return None if item is None else syntax_words.phase(item, side.params)
 
 
 def _uses(side: Meaning) -> Any:
@@ -301,7 +305,7 @@ def _cell(side: Meaning, material: str, column: str) -> ast.Quantity | None:
 
 def value_text(value: ast.Setting | None) -> str | None:
     """A value in words; None stays."""
-    return None if value is None else words.value(value)
+    return None if value is None else syntax_words.value(value)
 
 
 def _union(old: Collection[str], new: Collection[str]) -> list[str]:

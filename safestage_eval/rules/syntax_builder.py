@@ -9,9 +9,9 @@ from typing import Any
 from . import string_parser
 from . import syntax as ast
 from .clauses import CLAUSES, ClauseSpec
-from .keys import TABLES
 from .names import operands_of, operation_of
 from .operations import OPERATIONS
+from .table_keys import TABLES
 
 Table = Mapping[str, Any]
 

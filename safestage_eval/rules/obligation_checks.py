@@ -1,4 +1,4 @@
-"""Rules and costs: what they ask for, when, and how they explain themselves."""
+"""Checks of rules and costs: obligations, charges, scopes and sentences."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import string
 from collections.abc import Iterable
 from typing import Any
 
-from . import string_parser, structure
+from . import string_parser, table_checks
 from .clauses import CLAUSES
 from .condition_checks import Usage
-from .keys import TABLES
 from .locate import Keys
 from .names import Near, unfit
-from .references import Read, Scope
+from .reference_checks import Read, Scope
+from .table_keys import TABLES
 
 WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
 """Words that a rule's ``explain`` may use besides roles and states."""
@@ -65,7 +65,7 @@ class Obligations:
         return self.scope((kind, name), f"{kind} {name}", formals, tuple(TABLES[kind]))
 
     def _role_name(self, name: str, keys: Keys) -> None:
-        structure.declared_name(self.usage, name, keys)
+        table_checks.declared_name(self.usage, name, keys)
         why = unfit(name)
         if why and not why.startswith("is a word"):
             self.usage.report(
@@ -103,7 +103,7 @@ class Obligations:
     def rule(self, kind: str, value: Any, keys: Keys) -> None:
         """One ``[[rule]]`` or ``[[cost]]``."""
         usage = self.usage
-        table = structure.table(usage, kind, value, keys)
+        table = table_checks.table(usage, kind, value, keys)
         code = table.get("code", f"this {kind}")
         read = (kind, code if "code" in table else f"#{keys[-1]}")
         scope = self.roles(read, code, table, keys, tuple(TABLES[kind]))
@@ -136,9 +136,9 @@ class Obligations:
                 )  # fmt: skip
         self.settings(table.get("set", {}), (*keys, "set"))
         for level, values in table.get("severity", {}).items():
-            structure.declared_name(usage, level, (*keys, "severity", level))
+            table_checks.declared_name(usage, level, (*keys, "severity", level))
             self.settings(values, (*keys, "severity", level))
-        structure.table(usage, "examples", table.get("examples", {}), (*keys, "examples"))
+        table_checks.table(usage, "examples", table.get("examples", {}), (*keys, "examples"))
         self.explain(table.get("explain", ""), (*keys, "explain"), scope, WORDS)
         self.unused(scope, (*keys, "roles"))
 
@@ -189,7 +189,7 @@ class Obligations:
 
     def _charge(self, value: Any, keys: Keys, scope: Scope) -> None:
         usage = self.usage
-        table = structure.table(usage, "charge", value, keys)
+        table = table_checks.table(usage, "charge", value, keys)
         if isinstance(value, dict) and ("when" in value) == ("of" in value):
             usage.report("R205", keys, 'a charge has either "when" or "of"', "one of the two")
         if table.get("add", 1) <= 0:

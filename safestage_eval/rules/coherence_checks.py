@@ -1,4 +1,4 @@
-"""Whether definitions fit together: no circles, no conflicts, nothing declared in vain."""
+"""Checks of all definitions together: no circles, no conflicts, nothing declared in vain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
 from .names import Names, table_of
-from .references import Read, Scope
+from .reference_checks import Read, Scope
 
 _Accepts = Callable[[Signal | Relation], bool]
 

@@ -1,4 +1,4 @@
-"""The syntax tree back in words, for people who read a rule, and for lists of what changed."""
+"""The syntax tree in words, for readers of rules and lists of changes."""
 
 from __future__ import annotations
 
