@@ -127,7 +127,7 @@ def _of_results(files: tuple[str, ...], by: RuleChoice, where: tuple[str, ...]) 
         raise click.UsageError(
             "give two result files, BEFORE and AFTER; or traces, with --rules and --against"
         )
-    from safestage_eval.whatif.results import difference, read_results
+    from safestage_eval.whatif.result_difference import difference, read_results
 
     before, after = map(read_results, files)
     return difference(before, after)

@@ -28,8 +28,8 @@ from .importer import Importer, QuaternionOrder, Settings, SourceError
 from .map_tables import BodyColumns, ColumnsTable
 from .missing_data import say_success
 from .place_robot import Placed
+from .refused_formats import ask_for
 from .scene_builder import SceneBuilder, robot_frames
-from .stateless import ask_for
 
 F64 = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from safestage_eval.errors import TraceError
 
 from . import hdf5
 from .account import Account
-from .boxes import Fit, fit, to_metres
+from .box_fit import Fit, fit, to_metres
 from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
 from .importer import QuaternionOrder, SourceError
 from .isaac_file import IsaacFile

@@ -10,7 +10,7 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.discover import find
 
 from .importer import Format, Importer, Refused, SourceError
-from .stateless import Stateless
+from .refused_formats import Stateless
 
 OWN = {
     "isaaclab": "isaac_lab",

@@ -14,8 +14,8 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.metrics.labels import ANSWERS, Label
 from safestage_eval.rules import BindFile, RuleSet, bind_episode
+from safestage_eval.viewer.camera_film import video_of
 from safestage_eval.viewer.film import film
-from safestage_eval.viewer.videos import video_of
 
 from .ledger import LONGEST_NOTE, Ledger
 from .review_question import question

@@ -17,7 +17,7 @@ from .render_text import render_text
 from .table import Table
 
 if TYPE_CHECKING:
-    from safestage_eval.whatif.results import Difference, Flip, RateChange
+    from safestage_eval.whatif.result_difference import Difference, Flip, RateChange
 
 COLUMNS = (
     "episode_id", "rule", "assigned", "before", "after", "margin_before", "unit_before",

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Episode, Geom, Track
 from safestage_eval.palette import HATCHINGS
 
-from .look import look_at
+from .episode_viewpoint import look_at
 from .mesh_surface import outer
 
 RATE = 15.0

@@ -10,7 +10,7 @@ from safestage_eval.formats.mcap.mcap_messages import CONTACTS, EVENTS, FRAME, S
 from safestage_eval.formats.mcap.mcap_writer import moving_bodies
 from safestage_eval.palette import GROUNDS, INKS, SERIES
 
-from .look import look_at
+from .episode_viewpoint import look_at
 
 NO_FRAMES = {"axisSize": 0, "lineWidth": 0, "showLabel": False}
 """Axes, links and names of sixty frames would hide the scene."""

@@ -22,7 +22,7 @@ from safestage_eval.palette import GROUNDS, INKS, SERIES, VERDICTS
 from safestage_eval.report.signal_plot import Panel
 from safestage_eval.units import in_unit, unit_of
 
-from .look import look_at
+from .episode_viewpoint import look_at
 
 APPLICATION = "safestage"
 """Rerun applies a blueprint to recordings of the same application."""

@@ -15,7 +15,7 @@ from safestage_eval.rules.bind_file import BindFile
 from .each_episode import each_episode
 from .flip_cause import cause_of
 from .judge_again import Again
-from .results import Difference, Flip, difference
+from .result_difference import Difference, Flip, difference
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from .diff import diff_episode
 from .each_episode import each_episode
 from .flip_query import verdicts_under
 from .flip_table import COLUMNS, FlipTable
-from .results import Difference, Flip, difference
+from .result_difference import Difference, Flip, difference
 
 
 def diff_table(

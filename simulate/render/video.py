@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.viewer.videos import VERDICT_MARK
+from safestage_eval.viewer.camera_film import VERDICT_MARK
 
 from .dressing import recorded_look
 from .marks import PASSED, VIOLATED, captioned, frame_at, in_rows, legend, moment, role_colors

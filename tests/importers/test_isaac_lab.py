@@ -13,7 +13,7 @@ from studio import run
 from safestage_eval.episode import Body, Geom
 from safestage_eval.formats import load
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.importers import boxes
+from safestage_eval.importers import box_fit
 from safestage_eval.importers.bind_headers import load_bound
 from safestage_eval.importers.isaac_file import order_of
 from safestage_eval.rules.files import builtin_folder
@@ -240,8 +240,8 @@ def test_a_box_that_stands_askew_in_its_body():
     spin = turned(np.linspace(0, 3, 200), (0.6, 0, 0.8))
     world = rotate(np.repeat(spin, 8, axis=0), np.tile(inner, (200, 1))).reshape(-1, 8, 3)
     place = np.linspace((0.3, -0.2, 0.4), (0.7, 0.5, 0.1), 200)
-    found = boxes.fit(
-        boxes.to_metres(np.trunc((world + place[:, None]) * 1e3).astype("i2")), place, spin
+    found = box_fit.fit(
+        box_fit.to_metres(np.trunc((world + place[:, None]) * 1e3).astype("i2")), place, spin
     )
     assert found.geom.size == pytest.approx((0.05, 0.08, 0.11), abs=2e-4)
     assert found.geom.position == pytest.approx((0.01, 0.02, 0.03), abs=2e-4)

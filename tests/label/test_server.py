@@ -11,7 +11,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from safestage_eval.label import serve
 from safestage_eval.run.score_many import score_paths
-from safestage_eval.viewer.videos import VERDICT_MARK
+from safestage_eval.viewer.camera_film import VERDICT_MARK
 
 
 @pytest.fixture(scope="module")

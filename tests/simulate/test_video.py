@@ -115,7 +115,7 @@ def test_frames_are_those_of_a_time() -> None:
 @pytest.mark.parametrize(("ending", "rate"), [(".gif", 10), (".mp4", 30), (".webp", 10)])
 def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: int) -> None:
     av = pytest.importorskip("av")
-    from safestage_eval.viewer.videos import shows_verdict
+    from safestage_eval.viewer.camera_film import shows_verdict
     from simulate.render.video import STILL, film
 
     episode, result = falls()

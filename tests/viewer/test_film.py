@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.formats import discover
+from safestage_eval.viewer.episode_viewpoint import look_at
 from safestage_eval.viewer.film import film
-from safestage_eval.viewer.look import look_at
 from safestage_eval.viewer.mesh_surface import outer
 
 

@@ -14,8 +14,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from safestage_eval.cli import group
 from safestage_eval.formats import load
+from safestage_eval.viewer.episode_viewpoint import look_at
 from safestage_eval.viewer.foxglove_layout import foxglove_layout
-from safestage_eval.viewer.look import look_at
 
 CONTAINERS = {"split": fl.SplitContainer}
 PANELS = {"ThreeDee": fl.ThreeDeePanel, "Plot": fl.PlotPanel, "Log": fl.LogPanel}

@@ -14,7 +14,7 @@ from safestage_eval.report import render
 from safestage_eval.report.result_rows import rows
 from safestage_eval.run.score_many import score_paths
 from safestage_eval.whatif.diff import diff
-from safestage_eval.whatif.results import difference, read_results
+from safestage_eval.whatif.result_difference import difference, read_results
 
 OLD = """
 [ruleset]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from safestage_eval.importers.boxes import fit
+from safestage_eval.importers.box_fit import fit
 
 SIGNS = np.array([[1 if i >> axis & 1 else -1 for axis in range(3)] for i in range(8)], float)
 STILL = np.zeros((5, 3)), np.tile([1.0, 0, 0, 0], (5, 1))
