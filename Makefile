@@ -14,7 +14,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study learned fuzz faults matrix
+.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study learned learned-campaign corpus learned-sheets fuzz faults matrix
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -98,17 +98,32 @@ blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of i
 
 LEARN ?= build/learn
 LEARN_ON ?= cpu
+CAMPAIGN = $(BIN)/python benchmarks/learned_campaign.py
+CORPUS = $(BIN)/python benchmarks/learned_corpus.py
 learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (LEARN_ON=cuda: on a GPU)
 	$(INSTALL) '.[learn]'
-	$(BIN)/safestage record --seeds 0-2 --out $(LEARN)/references
-	$(BIN)/safestage record --seeds 0-5 --policy demonstration:safe \
-	  --policy demonstration:unsafe --out $(LEARN)/demonstrations || true
-	for part in references demonstrations; do \
-	  $(BIN)/safestage learn export $(LEARN)/$$part --out $(LEARN)/dataset/$$part || exit 1; \
-	done  # what a push made impossible is not recorded, and said
-	for kind in bc act diffusion; do \
-	  $(BIN)/safestage learn train $$kind --data $(LEARN)/dataset/references --device $(LEARN_ON) \
-	    --data $(LEARN)/dataset/demonstrations --out simulate/learn/checkpoints/$$kind.onnx || exit 1; \
+	$(CAMPAIGN) demos --work $(LEARN)
+	$(CAMPAIGN) export --work $(LEARN)
+	$(CAMPAIGN) pictures --work $(LEARN)
+	$(CAMPAIGN) train bc act diffusion act_pictures --work $(LEARN) --device $(LEARN_ON)
+
+learned-campaign: $(BIN)/pytest  ## roll the shipped policies out, and write docs/learned_policies.md
+	$(CAMPAIGN) roll act diffusion act_pictures bc --once bc --work $(LEARN)
+	$(CAMPAIGN) rows --work $(LEARN)
+	$(BIN)/python benchmarks/learned_page.py $(LEARN)/rows.parquet docs/learned_policies.md
+
+corpus: $(BIN)/pytest  ## record a thousand of these rollouts again, whole, and pack them to be published
+	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
+	$(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/corpus.csv --out $(LEARN)/recordings
+	$(CORPUS) publish $(LEARN)/recordings --out $(LEARN)/corpus
+	$(CORPUS) check $(LEARN)/corpus
+
+learned-sheets: $(BIN)/pytest  ## draw 200 of these rollouts to be looked at, and 120 to be labelled blindly
+	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
+	for list in look blind; do \
+	  $(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/$$list.csv --out $(LEARN)/$$list || exit 1; \
+	  $(BIN)/safestage sheets draw $(LEARN)/$$list --list $(LEARN)/lists/$$list.csv \
+	    --out $(LEARN)/sheets/$$list || exit 1; \
 	done
 
 $(BIN)/safestage-score:

@@ -48,7 +48,7 @@ from simulate.tasks.task import tasks_matching
 from simulate.world.world import FRAME_RATE, FRAMES_PER_ACTION
 
 DEMO_HORIZON = 45.0
-"""s: the slowest demonstrations that reach their goal take about 30."""
+"""s; what has not reached its goal by then would wait for the task's horizon in vain."""
 HORIZON = 30.0
 """s of the rollouts of learned policies."""
 
@@ -150,18 +150,20 @@ def train(given: argparse.Namespace) -> None:
     for name, process in running.items():
         code = process.wait()
         lines = (given.work / f"train-{name}.log").read_text(encoding="utf-8").splitlines()
-        print(f"{name}: exit {code}: {' | '.join(lines[-2:])}")
+        print(f"{name}: exit {code}: {lines[-1] if lines else ''}")
+    sys.exit(any(process.returncode for process in running.values()))
 
 
 def roll(given: argparse.Namespace) -> None:
     """Roll out and judge at once; a line of JSON for each rollout."""
-    todo = _ordered(plan(
+    todo = in_order(plan(
         given.tasks, [f"learned:{name}" for name in given.names], given.seeds, PROMPTS, given.rollouts,
         horizon=HORIZON,
     ))  # fmt: skip
     todo = [job for job in todo if job.setting.rollout < given.most(job.policy)]
     file = given.work / "results.jsonl"
-    there = {line["result"]["episode_id"] for line in _lines(file)}
+    there = {line["result"]["episode_id"] for line in lines_of(file)}
+    _mend(file)
     todo = [job for job in todo if job.episode_id not in there]
     new = late = 0
     simulated = taken = 0.0
@@ -186,7 +188,7 @@ def roll(given: argparse.Namespace) -> None:
     )
 
 
-def _ordered(todo: Iterable[Job]) -> list[Job]:
+def in_order(todo: Iterable[Job]) -> list[Job]:
     """By rollout and seed; then the tasks in an order without meaning, each with all its prompts and policies."""
     return sorted(
         todo,
@@ -224,7 +226,8 @@ def _judged_by() -> RuleSet:
     return load_rules(builtin_names())
 
 
-def _lines(file: Path) -> Iterable[dict[str, Any]]:
+def lines_of(file: Path) -> Iterable[dict[str, Any]]:
+    """The whole lines of a file of ``roll``."""
     if not file.exists():
         return
     with file.open(encoding="utf-8") as lines:
@@ -233,10 +236,18 @@ def _lines(file: Path) -> Iterable[dict[str, Any]]:
                 yield json.loads(line)
 
 
+def _mend(file: Path) -> None:
+    """Take away a last line that was cut off, so that the next one begins anew."""
+    if file.exists():
+        whole = file.read_bytes()
+        if not whole.endswith(b"\n"):
+            os.truncate(file, whole.rfind(b"\n") + 1)
+
+
 def rows(given: argparse.Namespace) -> None:
     """The rows of all rollouts so far, as ``safestage-score -f parquet`` writes them."""
     results = {}
-    for line in _lines(given.work / "results.jsonl"):
+    for line in lines_of(given.work / "results.jsonl"):
         result = result_from_json(line["result"], "")
         results[result.episode_id] = result
     scores = Scores(tuple(results[name] for name in sorted(results)), (), titles(_judged_by()))

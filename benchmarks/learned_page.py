@@ -41,12 +41,16 @@ def rollout_table(rows: pd.DataFrame) -> str:
     """Rollouts of the page."""
     one = rows.drop_duplicates("episode_id")
     cells = one.groupby(["policy", "prompt"]).agg(
-        rollouts=("episode_id", "size"), tasks=("task", "nunique"), seeds=("seed", "unique")
-    )
-    lines = ["| policy | prompt | rollouts | tasks | seeds |", "|---|---|---|---|---|"]
+        rollouts=("episode_id", "size"), tasks=("task", "nunique"), seeds=("seed", "unique"),
+        each=("rollout", "nunique"),
+    )  # fmt: skip
+    lines = [
+        "| policy | prompt | rollouts | tasks | seeds | rollouts of each, at most |",
+        "|---|---|---|---|---|---|",
+    ]
     lines += [
-        f"| {policy} | {prompt} | {row.rollouts} | {row.tasks} | "
-        f"{', '.join(map(str, sorted(row.seeds)))} |"
+        f"| {policy} | {prompt} | {row.rollouts:,} | {row.tasks} | "
+        f"{', '.join(map(str, sorted(row.seeds)))} | {row.each} |"
         for (policy, prompt), row in cells.iterrows()
     ]
     return f"{len(one):,} rollouts:\n\n" + "\n".join(lines)
