@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .frame_contacts import keep_contacts
 from .step_memory import HEAD, StepMemory
 from .zip_trace import CONTACT_POINT
 
@@ -36,7 +37,6 @@ class ContactLog:
         self._done: list[tuple[Any, Any]] = []
         self._there: Any = ()
         self._number: Any = None
-        self._pairs = 0
         self.unrecorded = 0
         """Contacts of shapes that the trace does not have."""
 
@@ -97,47 +97,29 @@ class ContactLog:
             every: contacts of S steps.
             ends: (F,) where the steps of each frame end; the last one is the frame's own.
         """
-        frames = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
         step, normal, geom = every.step, every.normal(), every.geoms()
         code = self._geom_body[geom[0]] * self._bodies + self._geom_body[geom[1]]
         touch = normal > 0
         weak = np.flatnonzero(~touch)
         touch[weak] = every.active[weak] & (every.floats("dist", weak) <= 0)
-        pair, many = self._number_pairs(code)
+        pair = self._number_pairs(code)
         self.unrecorded += int((touch & (pair < 0)).sum())
         rows = np.flatnonzero(touch & (pair >= 0))
         if not len(rows):
             return
-        step, normal, pair = step[rows], normal[rows], pair[rows]
-        sums = np.bincount(step * many + pair, normal, len(frames) * many).reshape(-1, many)
-        peaks = np.maximum.reduceat(sums, np.append(0, ends[:-1])).ravel()
-        is_frame = np.zeros(len(frames), bool)
-        is_frame[ends - 1] = True
-        at, whole = frames[step], is_frame[step]
-        # a pair that touched between two frames only has one row, without force
-        of_frame = at * many + pair
-        own = np.flatnonzero(whole)
-        there = np.zeros(len(peaks), bool)
-        there[of_frame[own]] = True
-        others = np.flatnonzero(~there[of_frame])
-        chosen = own
-        if len(others):
-            _, first = np.unique(of_frame[others], return_index=True)
-            chosen = np.concatenate([own, others[first]])
-            chosen = chosen[np.argsort(at[chosen], kind="stable")]
-        some = rows[chosen]
-        points = np.zeros(len(chosen), CONTACT_POINT)
+        kept = keep_contacts(step[rows], pair[rows], normal[rows], ends)
+        some = rows[kept.rows]
+        points = np.zeros(len(some), CONTACT_POINT)
         points["position"] = every.floats("pos", some, 3)
         axes = every.floats("frame", some, 9)
         points["normal"] = axes[:, :3]
-        force = every.forces(some, normal[chosen], axes)
-        points["force"] = force * whole[chosen][:, None]
-        points["peak_force"] = peaks[of_frame[chosen]]
+        points["force"] = every.forces(some, normal[some], axes) * kept.own[:, None]
+        points["peak_force"] = kept.peak
         points["depth"] = -every.floats("dist", some)
         points["geom1"], points["geom2"] = self._geom_index[geom[:, some]]
-        self._done.append((points, at[chosen] + (self._frame - len(ends))))
+        self._done.append((points, kept.frame + (self._frame - len(ends))))
 
-    def _number_pairs(self, code: Any) -> tuple[Any, int]:
+    def _number_pairs(self, code: Any) -> Any:
         """Number the pairs of bodies that touch.
 
         Args:
@@ -145,17 +127,17 @@ class ContactLog:
 
         Returns:
             (C,) number of the pair, from 0 on, in whatever order its bodies stand, and −1 where the
-            trace does not have a body's shape; how many pairs there are.
+            trace does not have a body's shape.
         """
         many = self._bodies
         there = np.flatnonzero(np.bincount(code, minlength=many * many))
         if not np.array_equal(there, self._there):
             bodies = np.sort(np.stack(np.divmod(there, many)), axis=0)
-            pairs, number = np.unique(bodies[0] * many + bodies[1], return_inverse=True)
-            self._there, self._pairs = there, len(pairs)
+            number = np.unique(bodies[0] * many + bodies[1], return_inverse=True)[1]
+            self._there = there
             self._number = np.full(many * many, -1)
             self._number[there] = np.where(bodies[1] < many - 1, number.ravel(), -1)
-        return self._number[code], self._pairs
+        return self._number[code]
 
 
 class _Contacts:

@@ -11,7 +11,7 @@ from typing import Any, Mapping, Sequence
 
 import numpy as np
 
-from .point_log import PointLog, contact_points
+from .point_log import PointLog
 from .record_error import RecordError
 from .rollout_recorder import RolloutRecorder
 from .scene_parts import MeshStore, describe_body, describe_geom
@@ -215,10 +215,10 @@ class IsaacLabRecorder(RolloutRecorder):
         frame = np.array(rows).reshape(-1, 13), np.concatenate(joints or [np.zeros((0, 3))])
         if self._keep(self.time, frame):
             told = self.force_source != "none"
-            self._point_log.end_frame(self._points() if told else contact_points([]))
+            self._point_log.end_frame(self._points() if told else ())
 
-    def _points(self) -> Any:
-        """(C,) CONTACT_POINT: a pair's whole force at the middle between the two bodies."""
+    def _points(self) -> list[Any]:
+        """Rows of ``contact_points``: a pair's whole force at the middle between the two bodies."""
         rows = []
         for sensor, own, others in self._sensors:
             matrix = _numbers(sensor.data.force_matrix_w)[self._index]
@@ -237,7 +237,7 @@ class IsaacLabRecorder(RolloutRecorder):
                         (middle, push / size, push, size, 0.0, self._geom_of[other],
                          self._geom_of[body])
                     )  # fmt: skip
-        return contact_points(rows)
+        return rows
 
     def _places(self) -> Any:
         i = self._index

@@ -2,61 +2,88 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Callable, Sequence
 
 import numpy as np
 
+from .frame_contacts import keep_contacts
 from .zip_trace import CONTACT_POINT
+
+NO_SHAPE = int(np.iinfo(np.uint16).max)
+"""``geom1`` of a contact that the trace does not have, as one of its shapes is missing there."""
+
+
+def contact_points(rows: Sequence[Any]) -> Any:
+    """(C,) CONTACT_POINT of (position, normal, force, normal force, depth, geom1, geom2)."""
+    return np.array(rows, CONTACT_POINT)
+
+
+MANY = 256
+"""Contacts that wait as the simulator's own objects, which take a kilobyte each."""
 
 
 class PointLog:
     """Gathers contacts step by step, and makes each frame's contacts with their peak forces of them."""
 
-    def __init__(self, owner: Any) -> None:
-        """``owner``: (G,) body number of every shape, in the header's order."""
-        self._owner = np.asarray(owner, np.int64)
-        self._waiting: list[Any] = []
-        self._frames: list[Any] = []
+    def __init__(self, owner: Any, read: Callable[[Sequence[Any]], Any] = contact_points) -> None:
+        """Begin with no contact.
 
-    def take(self, points: Any) -> None:
-        """Take the contacts (C,) CONTACT_POINT of a step; ``peak_force`` is the normal force of each."""
-        self._waiting.append(points)
+        Args:
+            owner: (G,) body number of every shape, in the header's order.
+            read: makes (C,) CONTACT_POINT of what ``take`` is given, one row for each; their
+                ``peak_force`` is the normal force of each.
+        """
+        self._owner, self._read = np.asarray(owner, np.int64), read
+        self._rows: list[Any] = []
+        self._parts = [np.zeros(0, CONTACT_POINT)]
+        self._sizes: list[int] = []
+        self._ends: list[int] = []
+
+    def take(self, rows: Sequence[Any]) -> None:
+        """Take the contacts of a step, to be read later."""
+        if len(self._rows) > MANY:
+            self._read_rows()
+        self._rows += rows
+        self._sizes.append(len(rows))
 
     def drop_last(self) -> None:
         """Take back the last step, which is about to be a frame's."""
-        if self._waiting:
-            self._waiting.pop()
+        if len(self._sizes) > (self._ends[-1] if self._ends else 0):
+            count = self._sizes.pop()
+            del self._rows[len(self._rows) - count :]
 
-    def end_frame(self, points: Any) -> None:
+    def end_frame(self, rows: Sequence[Any]) -> None:
         """Take the contacts of a frame, which ends with it.
 
         A pair that touched between two frames only has one row, without force.
         """
-        steps = [*self._waiting, points]
-        self._waiting = []
-        every = np.concatenate(steps)
-        step = np.repeat(np.arange(len(steps)), [len(some) for some in steps])
-        first, second = self._owner[every["geom1"]], self._owner[every["geom2"]]
-        pair = np.minimum(first, second) << 20 | np.maximum(first, second)
-        _, rows, number = np.unique(pair, return_index=True, return_inverse=True)
-        number = number.ravel()
-        sums = np.zeros((len(steps), len(rows)))
-        np.add.at(sums, (step, number), every["peak_force"])
-        here = step == len(steps) - 1
-        there = np.isin(np.arange(len(rows)), number[here])
-        every = every.copy()
-        every["peak_force"] = sums.max(axis=0)[number] if len(every) else 0.0
-        extra = every[rows[~there]]
-        extra["force"] = 0.0
-        self._frames.append(np.concatenate([every[here], extra]))
+        self.take(rows)
+        self._ends.append(len(self._sizes))
 
     def finish(self) -> tuple[Any, Any]:
         """(C,) CONTACT_POINT of the frames since the last call, and (T,) how many each has."""
-        frames, self._frames = self._frames, []
-        counts = np.array([len(some) for some in frames], np.int64)
-        return np.concatenate(frames or [np.zeros(0, CONTACT_POINT)]), counts
+        if not self._ends:
+            return np.zeros(0, CONTACT_POINT), np.zeros(0, np.int64)
+        ends, self._ends = np.array(self._ends), []
+        sizes = self._sizes[: ends[-1]]
+        del self._sizes[: ends[-1]]
+        step = np.repeat(np.arange(len(sizes)), sizes)
+        self._read_rows()
+        every = np.concatenate(self._parts)
+        points, self._parts = every[: len(step)], [every[len(step) :]]
+        there = np.flatnonzero(points["geom1"] != NO_SHAPE)
+        points, step = points[there], step[there]
+        if not len(points):
+            return points, np.zeros(len(ends), np.int64)
+        first, second = self._owner[points["geom1"]], self._owner[points["geom2"]]
+        code = np.minimum(first, second) << 20 | np.maximum(first, second)
+        pair = np.unique(code, return_inverse=True)[1].ravel()
+        kept = keep_contacts(step, pair, points["peak_force"].astype(float), ends)
+        points = points[kept.rows]
+        points["force"] *= kept.own[:, None]
+        points["peak_force"] = kept.peak
+        return points, np.bincount(kept.frame, minlength=len(ends)).astype(np.int64)
 
-
-def contact_points(rows: list[tuple[Any, ...]]) -> Any:
-    """(C,) CONTACT_POINT of (position, normal, force, normal force, depth, geom1, geom2)."""
-    return np.array(rows, CONTACT_POINT)
+    def _read_rows(self) -> None:
+        self._parts.append(self._read(self._rows))
+        self._rows = []

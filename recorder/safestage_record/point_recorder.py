@@ -7,7 +7,7 @@ from typing import Any, Sequence
 
 import numpy as np
 
-from .point_log import PointLog, contact_points
+from .point_log import PointLog
 from .record_error import RecordError
 from .rollout_recorder import RolloutRecorder
 from .told_facts import ToldFacts
@@ -60,17 +60,21 @@ class PointRecorder(RolloutRecorder):
         """Copy what is now, and keep it."""
 
     @abstractmethod
-    def _points(self) -> Any:
-        """(C,) CONTACT_POINT of the last step; ``peak_force`` is each one's normal force."""
+    def _points(self) -> Sequence[Any]:
+        """Contacts of the last step, as ``_read_points`` takes them."""
+
+    @abstractmethod
+    def _read_points(self, rows: Sequence[Any]) -> Any:
+        """(C,) CONTACT_POINT of contacts of many steps; ``peak_force`` is each one's normal force."""
 
     # ------------------------------------------------------------------ inside
 
     def _own(self, owner: Sequence[int]) -> None:
         """Say whose the shapes are: (G,) body number of each, in the header's order."""
-        self._point_log = PointLog(owner)
+        self._point_log = PointLog(owner, self._read_points)
 
     def _keep_points(self, frame: Any) -> None:
-        points = self._points() if self._seen else contact_points([])
+        points = self._points() if self._seen else ()
         if self._keep(self._elapsed, frame):
             self._next = self._elapsed + (self._frame_dt or 0.0) - 0.5 * self._physics_dt
             self._point_log.end_frame(points)

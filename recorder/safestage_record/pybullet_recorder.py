@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from typing import Any, Callable, Mapping, Sequence
 
 import numpy as np
 
 from .mesh_files import read_hulls
-from .point_log import contact_points
+from .point_log import NO_SHAPE
 from .point_recorder import PointRecorder
 from .record_error import RecordError
 from .rollout_recorder import FRAME_DT
 from .scene_parts import MeshStore, describe_body, describe_geom, multiply, turn
 from .told_facts import Names, ToldFacts, named_side, names_gripper, tell_apart
+from .zip_trace import CONTACT_POINT
 
 _XYZW = [3, 0, 1, 2]
 _KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule"}
@@ -127,7 +129,9 @@ class PyBulletRecorder(PointRecorder):
         self._centres: list[tuple[Any, Any]] = []
         self._bodies, self._joints = [], []
         owner: list[int] = []
-        self._first_geom: dict[tuple[int, int], list[int]] = {}
+        # by body and link; a base, link −1, is the last, and bodies that came later are none
+        most = [max(some) for some in zip(*self._links)] or [0, 0]
+        self._first_geom = np.full((most[0] + 2, most[1] + 2), -1)
         self._driven = [
             i for i, info in joints.items() if int(info[2]) in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC)
         ]
@@ -172,7 +176,8 @@ class PyBulletRecorder(PointRecorder):
             geoms = self._geoms(body, link, centre, turned, float(facts[1]))
             if geoms is None:
                 lost.append(names[i])
-            self._first_geom[body, link] = list(range(len(owner), len(owner) + len(geoms or ())))
+            if geoms:
+                self._first_geom[body, link] = len(owner)
             owner += [i] * len(geoms or ())
             above = None if link < 0 else place[body, int(joints[i][16])]
             self._bodies.append(
@@ -198,6 +203,17 @@ class PyBulletRecorder(PointRecorder):
             )
         self._moving = [i for i, moving in enumerate(moves) if moving]
         self._still = [i for i, moving in enumerate(moves) if not moving]
+        self._links_of = {
+            body: [link for other, link in self._links if other == body and link >= 0]
+            for body, _ in self._links
+        }
+        self._joints_of: dict[int, list[int]] = {}
+        for i in self._driven:
+            self._joints_of.setdefault(self._links[i][0], []).append(self._links[i][1])
+        self._mobile = list(dict.fromkeys(self._links[i][0] for i in self._moving))
+        every = list(self._links_of)
+        position, quats, _, _ = self._place([self._ask(every)], every)
+        self._stands = position[0, self._still], quats[0, self._still]
         self._own(owner)
         self._fingers = [j for j, i in enumerate(self._driven) if i in sides]
 
@@ -244,57 +260,66 @@ class PyBulletRecorder(PointRecorder):
         _unwatch(self._p, self._client)
 
     def _take_frame(self) -> None:
+        """Keep what PyBullet tells of what moves."""
+        client, joints = self._client, []
+        for body, links in self._joints_of.items():
+            states = self._p.getJointStates(body, links, physicsClientId=client)
+            joints += [(state[0], state[1], state[3]) for state in states]
+        self._keep_points((self._ask(self._mobile), np.array(joints, float)))
+
+    def _ask(self, bodies: Sequence[int]) -> Any:
+        """(L × 13,) position, xyzw, velocity and angular velocity of every link, the base's first."""
         p, client = self._p, self._client
-        poses = np.zeros((len(self._links), 13))
-        poses[:, 6] = 1.0
-        for i in self._moving if self._times else range(len(self._links)):
-            body, link = self._links[i]
-            if link >= 0:
-                state = p.getLinkState(body, link, 1, 1, physicsClientId=client)
-                poses[i, :3], poses[i, 3:7] = state[4], state[5]
-                poses[i, 7:10], poses[i, 10:] = state[6], state[7]
-            else:
-                poses[i, :3], poses[i, 3:7] = p.getBasePositionAndOrientation(
-                    body, physicsClientId=client
-                )
-                poses[i, 7:10], poses[i, 10:] = p.getBaseVelocity(body, physicsClientId=client)
-        states = [
-            p.getJointState(*self._links[i], physicsClientId=client)[:4] for i in self._driven
-        ]
-        joints = np.array([(q, v, effort) for q, v, _, effort in states]).reshape(-1, 3)
-        self._keep_points((poses, joints))
+        told: list[Any] = []
+        for body in bodies:
+            place = p.getBasePositionAndOrientation(body, physicsClientId=client)
+            told += [*place, *p.getBaseVelocity(body, physicsClientId=client)]
+            links = self._links_of[body]
+            if links:
+                states = p.getLinkStates(body, links, 1, 1, physicsClientId=client)
+                told += chain.from_iterable(state[4:8] for state in states)
+        return np.fromiter(chain.from_iterable(told), float)
 
     def _points(self) -> Any:
-        """(C,) CONTACT_POINT of the last step; ``peak_force`` is each one's normal force."""
-        rows = []
-        for c in self._p.getContactPoints(physicsClientId=self._client):
-            if not (c[9] > 0 or c[8] <= 0):
-                continue
-            first, second = self._first_geom.get((c[1], c[3])), self._first_geom.get((c[2], c[4]))
-            if not first or not second:
-                self._unrecorded += 1
-                continue
-            normal = -np.array(c[7])  # Bullet's points from the second to the first
-            force = c[9] * normal - c[10] * np.array(c[11]) - c[12] * np.array(c[13])
-            rows.append((c[5], normal, force, c[9], -c[8], first[0], second[0]))
-        return contact_points(rows)
+        return self._p.getContactPoints(physicsClientId=self._client)
+
+    def _read_points(self, rows: Sequence[Any]) -> Any:
+        points = np.zeros(len(rows), CONTACT_POINT)
+        points["geom1"] = NO_SHAPE
+        if not rows:
+            return points
+        vectors = chain.from_iterable((c[5], c[7], c[11], c[13]) for c in rows)
+        position, normal, *along = (
+            np.fromiter(chain.from_iterable(vectors), float).reshape(-1, 4, 3).swapaxes(0, 1)
+        )
+        about = chain.from_iterable(
+            (c[1], c[3], c[2], c[4], c[8], c[9], c[10], c[12]) for c in rows
+        )
+        numbers = np.fromiter(about, float).reshape(-1, 8)
+        apart, size, *aside = numbers[:, 4:].T
+        # Bullet's normal points from the second body to the first
+        force = -size[:, None] * normal
+        for push, axis in zip(aside, along):
+            force -= push[:, None] * axis
+        points["position"], points["normal"] = position, -normal
+        points["force"], points["peak_force"], points["depth"] = force, size, -apart
+        ends = numbers[:, :4].astype(int)
+        table = self._first_geom
+        later = ends >= np.tile(np.array(table.shape) - 1, 2)
+        ends[later.any(axis=1)] = len(table) - 1, -1, len(table) - 1, -1
+        geoms = table[ends[:, 0], ends[:, 1]], table[ends[:, 2], ends[:, 3]]
+        touch = (size > 0) | (apart <= 0)
+        known = (geoms[0] >= 0) & (geoms[1] >= 0)
+        self._unrecorded += int((touch & ~known).sum())
+        there = touch & known
+        points["geom1"][there], points["geom2"][there] = geoms[0][there], geoms[1][there]
+        return points
 
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
-        poses = np.array([some[0] for some in frames])
-        joints = np.array([some[1] for some in frames])
-        position, quats = poses[..., :3], poses[..., 3:7][..., _XYZW]
-        linear, angular = poses[..., 7:10].copy(), poses[..., 10:]
-        for i, (_, link) in enumerate(self._links):
-            centre, turned = self._centres[i]
-            if link < 0:  # a base is told by its centre of mass, a link by its own frame
-                away = turned * np.array([1, -1, -1, -1])
-                quats[:, i] = multiply(quats[:, i], np.broadcast_to(away, quats[:, i].shape))
-                position[:, i] -= turn(quats[:, i], np.broadcast_to(centre, position[:, i].shape))
-            arm = turn(quats[:, i], np.broadcast_to(centre, position[:, i].shape))
-            linear[:, i] -= np.cross(angular[:, i], arm)
-        if not self._log.begun:
-            self._stands = (position[0, self._still], quats[0, self._still])
-        moving = self._moving
+        position, quats, linear, angular = self._place([told for told, _ in frames], self._mobile)
+        joints = np.array([some[1] for some in frames]).reshape(len(frames), -1, 3)
+        told = [i for i, (body, _) in enumerate(self._links) if body in self._mobile]
+        moving = [told.index(i) for i in self._moving]
         return {
             "position": position[:, moving],
             "orientation": quats[:, moving],
@@ -305,6 +330,22 @@ class PyBulletRecorder(PointRecorder):
             "joint_torque": joints[..., 2],
             "gripper": self._opening(joints[..., 0]),
         }
+
+    def _place(self, told: Sequence[Any], bodies: Sequence[int]) -> tuple[Any, Any, Any, Any]:
+        """(T, L, 3 or 4) positions, wxyz and velocities of the frames of links, of what ``_ask`` was told."""
+        poses = np.array(told).reshape(len(told), -1, 13)
+        position, quats = poses[..., :3], poses[..., 3:7][..., _XYZW]
+        linear, angular = poses[..., 7:10].copy(), poses[..., 10:]
+        links = [i for i, (body, _) in enumerate(self._links) if body in bodies]
+        for k, i in enumerate(links):
+            centre, turned = self._centres[i]
+            if self._links[i][1] < 0:  # a base is told by its centre of mass, a link by its frame
+                away = turned * np.array([1, -1, -1, -1])
+                quats[:, k] = multiply(quats[:, k], np.broadcast_to(away, quats[:, k].shape))
+                position[:, k] -= turn(quats[:, k], np.broadcast_to(centre, position[:, k].shape))
+            arm = turn(quats[:, k], np.broadcast_to(centre, position[:, k].shape))
+            linear[:, k] -= np.cross(angular[:, k], arm)
+        return position, quats, linear, angular
 
 
 def _hulls(name: str, scale: Sequence[float]) -> list[Any]:

@@ -8,17 +8,20 @@ from typing import Any, Callable, Mapping, Sequence
 
 import numpy as np
 
-from .point_log import contact_points
+from .point_log import NO_SHAPE
 from .point_recorder import PointRecorder
 from .record_error import RecordError
 from .rollout_recorder import FRAME_DT
 from .scene_parts import MeshStore, describe_body, describe_geom, floats, multiply
 from .told_facts import Names, ToldFacts, named_side, names_gripper, tell_apart
+from .zip_trace import CONTACT_POINT
 
 _SCENE = re.compile(r"^scene-\d+[-_]")
 _QUARTER = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 """Turns z to x: PhysX has the axes of capsules, cylinders and normals of planes along x."""
 
+_NOTHING = (bytes(12), bytes(24))
+"""Three zeros."""
 _watchers: list[SapienRecorder] = []
 _originals: dict[str, Callable[..., Any]] = {}
 
@@ -166,8 +169,10 @@ class SapienRecorder(PointRecorder):
         self._bodies = []
         owner: list[int] = []
         self._geom_of: dict[tuple[int, int], int] = {}
+        # as long as these objects are held, contacts have the same ones
+        self._shapes = [list(part.collision_shapes) for part in parts]
         for i, part in enumerate(parts):
-            shapes = [self._geom(shape) for shape in part.collision_shapes]
+            shapes = [self._geom(shape) for shape in self._shapes[i]]
             for k in range(len(shapes)):
                 self._geom_of[i, k] = len(owner) + k
             owner += [i] * len(shapes)
@@ -187,6 +192,17 @@ class SapienRecorder(PointRecorder):
             )  # fmt: skip
         self._moving = [i for i in range(count) if moves[i]]
         self._still = [i for i in range(count) if not moves[i]]
+        self._geom_by_id = {
+            id(shape): self._geom_of[i, k]
+            for i, own in enumerate(self._shapes)
+            for k, shape in enumerate(own)
+        }
+        self._mobile = [parts[i] for i in self._moving]
+        stands = [parts[i].entity_pose for i in self._still]
+        self._stands = (
+            np.array([pose.p for pose in stands], float).reshape(-1, 3),
+            np.array([pose.q for pose in stands], float).reshape(-1, 4),
+        )
         self._own(owner)
         self._fingers = [j for j, i in enumerate(self._active) if i in sides]
 
@@ -228,52 +244,58 @@ class SapienRecorder(PointRecorder):
         _unwatch(self)
 
     def _take_frame(self) -> None:
-        parts = self._parts
-        poses = np.zeros((len(parts), 7))
-        for i in self._moving if self._times else range(len(parts)):
-            part = parts[i]
-            pose = part.entity_pose
-            poses[i, :3], poses[i, 3:7] = pose.p, pose.q
-        joints = [
-            np.stack([whole.qpos, whole.qvel, whole.qf], axis=1) for whole in self._articulations
-        ]
-        self._keep_points((poses, np.concatenate(joints or [np.zeros((0, 3))])))
+        poses = [part.entity_pose for part in self._mobile]
+        joints = [(whole.qpos, whole.qvel, whole.qf) for whole in self._articulations]
+        self._keep_points(([(pose.p, pose.q) for pose in poses], joints))
 
-    def _points(self) -> Any:
-        """(C,) CONTACT_POINT of the last step; ``peak_force`` is each one's normal force."""
+    def _points(self) -> list[Any]:
+        """Of each point that may touch: impulse, normal, position, distance, and its shapes."""
         rows = []
         for contact in self.physx.get_contacts():
-            first, second = (self._at(part) for part in contact.bodies)
             geoms = None
             for point in contact.points:
-                push = np.asarray(point.impulse, float)
-                amount = float(np.sqrt(push @ push)) / self._physics_dt
-                if not (amount > 0 or point.separation <= 0):
+                apart, push = point.separation, point.impulse
+                if apart > 0 and push.tobytes() in _NOTHING:
                     continue
                 if geoms is None:
                     geoms = [
-                        self._geom_number(i, shape)
-                        for i, shape in zip((first, second), contact.shapes)
+                        self._geom_by_id.get(id(shape)) or self._geom_number(part, shape)
+                        for part, shape in zip(contact.bodies, contact.shapes)
                     ]
-                # the impulse is the one on the first body, and the normal points to it
-                rows.append(
-                    (point.position, -np.asarray(point.normal), -push / self._physics_dt,
-                     amount, -point.separation, *geoms)
-                )  # fmt: skip
-        return contact_points(rows)
+                rows.append((push, point.normal, point.position, apart, *geoms))
+        return rows
 
-    def _geom_number(self, body: int, shape: Any) -> int:
-        for k, own in enumerate(self._parts[body].collision_shapes):
+    def _geom_number(self, part: Any, shape: Any) -> int:
+        """Number of a shape that Python has another object of."""
+        body = self._by_entity[part.entity.per_scene_id]
+        for k, own in enumerate(self._shapes[body]):
             if own is shape or own == shape:
                 return self._geom_of[body, k]
         return self._geom_of[body, 0]
 
+    def _read_points(self, rows: Sequence[Any]) -> Any:
+        points = np.zeros(len(rows), CONTACT_POINT)
+        points["geom1"] = NO_SHAPE
+        if not rows:
+            return points
+        push, normal, position, apart, first, second = map(np.array, zip(*rows))
+        push = push.astype(float) / self._physics_dt
+        size = np.sqrt((push * push).sum(axis=1))
+        # the impulse is the one on the first body, and the normal points to it
+        points["position"], points["normal"], points["force"] = position, -normal, -push
+        points["peak_force"], points["depth"] = size, -apart
+        there = (size > 0) | (apart <= 0)
+        points["geom1"][there], points["geom2"][there] = first[there], second[there]
+        return points
+
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
-        poses = np.array([some[0] for some in frames])
-        joints = np.array([some[1] for some in frames])
-        if not self._log.begun:
-            self._stands = (poses[0, self._still, :3], poses[0, self._still, 3:7])
-        poses = poses[:, self._moving]
+        poses = np.array([[np.concatenate(pose) for pose in some] for some, _ in frames])
+        poses = poses.reshape(len(frames), -1, 7)
+        joints = np.array(
+            [np.concatenate([np.stack(one, axis=1) for one in some]) for _, some in frames]
+            if self._articulations
+            else np.zeros((len(frames), 0, 3))
+        )
         # PhysX's velocities of what is squeezed or pushed are not those of its motion
         unsaid = np.full(poses[..., :3].shape, np.nan)
         return {
