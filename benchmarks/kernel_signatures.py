@@ -4,8 +4,7 @@
 
 Judges the traces in this process as ``safestage score`` does, by all rules and by the assigned ones, and
 compares the kernels that Python called with those in ``kernel_signatures.json``; with ``--write``, adds
-what is missing there and removes kernels that are no longer there. Run it twice where kernels were changed: a kernel that is compiled, and not
-loaded, brings along those that it calls.
+what is missing there and removes kernels that are no longer there.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ Signatures = dict[str, dict[str, list[Any]]]
 
 
 def called() -> Signatures:
-    """Kernels of this process that have an entry for Python, with the types they are compiled for."""
+    """Kernels that this process called, or loaded, with the types they are compiled for."""
     found: Signatures = {}
     for kernel in compiled.KERNELS:
-        function, made = kernel.py_func, kernel.dispatcher
-        for types in made.signatures if not made.targetoptions["no_cpython_wrapper"] else ():
+        function = kernel.py_func
+        for types in kernel.dispatcher.signatures:
             kinds = found.setdefault(function.__module__, {}).setdefault(function.__name__, [])
             kinds.append([to_json(kind) for kind in types])
     return found

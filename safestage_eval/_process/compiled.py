@@ -68,9 +68,19 @@ class Kernel:
     @cached_property
     def dispatcher(self) -> Any:
         """Numba's, which compiles for any types."""
+        return self._dispatcher(called=True)
+
+    @cached_property
+    def inner(self) -> Any:
+        """The same for kernels that call this one."""
+        return self._dispatcher(called=False)
+
+    def _dispatcher(self, *, called: bool) -> Any:
         from .kernel_compiler import make_dispatcher
 
-        return make_dispatcher(self.py_func, inline=self.inline, counted=self.counted)
+        return make_dispatcher(
+            self.py_func, inline=self.inline, counted=self.counted, called=called
+        )
 
     def load(self, types: tuple[Any, ...]) -> None:
         """Compile for types of numba, or load what was compiled; from now on numba runs it.
@@ -84,7 +94,7 @@ class Kernel:
     @property
     def _numba_type_(self) -> Any:
         """What a kernel that calls this one takes it for."""
-        return self.dispatcher._numba_type_
+        return self.inner._numba_type_
 
 
 def kernel(function: F) -> F:
@@ -100,8 +110,7 @@ def kernel(function: F) -> F:
 def helper(function: F) -> F:
     """As kernel, for a small function: its code goes into its callers.
 
-    A call hands over every array of a named tuple, which takes longer than such a function. One whose
-    name begins with an underscore can be called by kernels only.
+    A call hands over every array of a named tuple, which takes longer than such a function.
     """
     return _compiled(function, inline=True)
 

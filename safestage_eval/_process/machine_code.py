@@ -29,6 +29,9 @@ from .kernel_folder import package_folder, stamp
 
 Native = Callable[..., Any]
 
+SUFFIX = ".kernels"
+"""Of the file that has the machine code of all kernels."""
+
 TRIAL_TIME = 60.0
 """s that linking may take when it is tried."""
 
@@ -64,11 +67,11 @@ class Linked(NamedTuple):
 def file() -> Path | None:
     """Where the machine code is, or would be; None where nothing can be kept."""
     done = stamp()
-    return done and done.with_suffix(".kernels")
+    return done and done.with_suffix(SUFFIX)
 
 
-def write(path: Path, kernels: Iterable[Compiled], library: Iterable[str]) -> None:
-    """Write machine code, at once or not at all, if a new process can link it.
+def save(path: Path, kernels: Iterable[Compiled], library: Iterable[str]) -> None:
+    """Write machine code as it is.
 
     Args:
         path: of the file.
@@ -78,15 +81,29 @@ def write(path: Path, kernels: Iterable[Compiled], library: Iterable[str]) -> No
     Raises:
         OSError: the file cannot be written.
     """
-    import subprocess
-
     kernels = list(kernels)
     code = b"".join(kernel.code for kernel in kernels)
     listed = [[*kernel[:-1], len(kernel.code)] for kernel in kernels]
     head = {"library": list(library), "checksum": zlib.crc32(code), "kernels": listed}
+    path.write_bytes(json.dumps(head).encode() + b"\n" + code)
+
+
+def join(parts: Iterable[Path], path: Path) -> None:
+    """Make one file of several, at once or not at all, if a new process can link it.
+
+    Raises:
+        OSError, ValueError, KeyError: a part is not there or damaged, or the file cannot be written.
+    """
+    import subprocess
+
+    kernels, library = [], dict[str, None]()
+    for part in parts:
+        found, functions = read(part)
+        kernels += found
+        library |= dict.fromkeys(functions)
     draft = path.with_suffix(f".{os.getpid()}")
     try:
-        draft.write_bytes(json.dumps(head).encode() + b"\n" + code)
+        save(draft, kernels, library)
         program = (
             f"import pathlib, sys; from {__name__} import link; link(pathlib.Path(sys.argv[1]))"
         )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import importlib
-import json
 import os
 import subprocess
 import sys
@@ -22,23 +21,23 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from . import kernel_folder, machine_code
-from .kernel_folder import Signatures, is_writable, read_signatures, stamp
+from . import machine_code
+from .kernel_folder import is_writable, read_signatures, stamp
 
 if sys.platform != "win32":  # where two processes may compile the same kernel
     import fcntl
 
-PROGRAM = f"from {__name__} import serve; serve()"
+PROGRAM = f"import sys; from {__name__} import serve; serve(sys.argv[1])"
 """Program of a compiling process."""
 
-GATHER = f"import sys; from {__name__} import gather; gather(*sys.argv[1:])"
-"""Program of the process that puts the machine code of all kernels into one file."""
+PROCESSES = 8
+"""Compiling processes at most: each loads the compiler, and the longest kernel takes a sixth of the time."""
 
 LOOK = 0.1
 """s between two looks whether another process has finished compiling."""
 
 READY, COMPILED, FINISHED, ENDED = "ready", "compiled", "finished", "ended"
-"""States of a compiling process: waiting for its first room, kernel compiled, room compiled, gone."""
+"""States of a compiling process: waiting for its first module, kernel compiled, module compiled, gone."""
 
 Tell = Callable[[int, int], None]
 
@@ -65,10 +64,9 @@ def _compile_all(done: Path, tell: Tell | None) -> None:
     try:
         done.parent.mkdir(parents=True, exist_ok=True)
         with _only_one(done.with_suffix(".lock"), tell, total):
-            if not done.exists() and _compile(by_room(signatures), tell, total):
-                _gather()
+            if not done.exists() and _compile(signatures, tell, total, done):
                 done.touch()
-    except OSError:
+    except (OSError, ValueError, KeyError):  # a full folder, or a process that died as it wrote
         return
 
 
@@ -98,14 +96,6 @@ def load_kernels() -> None:
                 compile_one(module, kernel, types)
 
 
-def by_room(signatures: Signatures) -> dict[str, list[str]]:
-    """Modules by their folder, largest first: kernels call no kernels of another folder."""
-    rooms: dict[str, list[str]] = {}
-    for module in signatures:
-        rooms.setdefault(module.rpartition(".")[0], []).append(module)
-    return dict(sorted(rooms.items(), key=lambda item: -_size(item[1])))
-
-
 @contextlib.contextmanager
 def _only_one(path: Path, tell: Tell, total: int) -> Iterator[None]:
     """Hold a lock that ends with the process, however that ends."""
@@ -123,13 +113,17 @@ def _only_one(path: Path, tell: Tell, total: int) -> Iterator[None]:
         yield
 
 
-def _compile(rooms: Iterable[str], tell: Tell, total: int) -> bool:
-    """Start processes that compile one room after the other; whether all rooms were finished."""
-    todo, words = deque(rooms), SimpleQueue[str]()
+def _compile(modules: Iterable[str], tell: Tell, total: int, done: Path) -> bool:
+    """Compile module after module in several processes, and put their machine code into one file.
+
+    Returns whether all was compiled.
+    """
+    todo, words = deque(modules), SimpleQueue[str]()
     unfinished, compiled = len(todo), 0
-    running = min(unfinished, _processors())
-    for _ in range(running):
-        threading.Thread(target=_drive, args=(todo, words), daemon=True).start()
+    running = min(unfinished, _processors(), PROCESSES)
+    parts = [done.with_suffix(f".{os.getpid()}.{number}") for number in range(running)]
+    for part in parts:
+        threading.Thread(target=_drive, args=(todo, words, part), daemon=True).start()
     tell(0, total)
     while running:
         word = words.get()
@@ -137,22 +131,19 @@ def _compile(rooms: Iterable[str], tell: Tell, total: int) -> bool:
         unfinished -= word == FINISHED
         compiled += word == COMPILED
         tell(compiled, total)
+    try:
+        if not unfinished:
+            machine_code.join(parts, done.with_suffix(machine_code.SUFFIX))
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
     return not unfinished
 
 
-def _gather() -> None:
-    """Have another process put all machine code into one file; without it, numba loads kernels."""
-    path, quiet = machine_code.file(), subprocess.DEVNULL
-    command = [sys.executable, "-c", GATHER, str(kernel_folder.SIGNATURES), str(path)]
-    subprocess.run(  # noqa: S603 — this package itself
-        command, stdout=quiet, stderr=quiet, env=_environment(), check=False
-    )
-
-
-def _drive(todo: deque[str], words: SimpleQueue[str]) -> None:
-    """Hand rooms to one process as long as there are any, and pass on what it says."""
+def _drive(todo: deque[str], words: SimpleQueue[str], part: Path) -> None:
+    """Hand modules to one process as long as there are any, and pass on what it says."""
     try:
-        with _start() as child:
+        with _start(part) as child:
             assert child.stdin is not None
             assert child.stdout is not None
             for line in child.stdout:
@@ -170,10 +161,10 @@ def _drive(todo: deque[str], words: SimpleQueue[str]) -> None:
         words.put(ENDED)
 
 
-def _start() -> subprocess.Popen[str]:
-    """A process of this package that compiles the rooms that it is named."""
+def _start(part: Path) -> subprocess.Popen[str]:
+    """A process of this package that compiles the modules that it is named, into a file."""
     return subprocess.Popen(  # noqa: S603 — this package itself
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", PROGRAM, str(part)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -190,40 +181,30 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": where}
 
 
-def serve() -> None:
-    """Compile the kernels of each room that is named on stdin; a line on stdout for each kernel."""
+def serve(part: str) -> None:
+    """Compile the kernels of each module that is named on stdin; a line on stdout for each kernel.
+
+    ``part``: the file for their machine code, written when there are no more.
+    """
+    from .object_code import LIBRARY_FUNCTIONS, entry_point
+
     gc.disable()  # nothing that a compiler makes is garbage before it ends; looking took an eighth
-    signatures = read_signatures()
-    rooms = by_room(signatures)
+    signatures, found = read_signatures(), []
     _say(READY)
-    for room in map(str.strip, sys.stdin):
-        for module in rooms[room]:
-            for kernel, all_types in signatures[module].items():
-                for types in all_types:
-                    compile_one(module, kernel, types)
-                    _say(COMPILED)
+    for module in map(str.strip, sys.stdin):
+        for kernel, all_types in signatures[module].items():
+            for types in all_types:
+                made = compile_one(module, kernel, types) and entry_point(module, kernel, types)
+                if made:
+                    found.append(machine_code.Compiled(module, kernel, types, *made))
+                _say(COMPILED)
         _say(FINISHED)
+    machine_code.save(Path(part), found, LIBRARY_FUNCTIONS)
 
 
 def _say(word: str) -> None:
     sys.stdout.write(word + "\n")
     sys.stdout.flush()
-
-
-def gather(signatures: str, path: str) -> None:
-    """Put the machine code of the kernels in a list of signatures into one file, if it can be linked."""
-    from .kernel_types import from_json
-    from .object_code import LIBRARY_FUNCTIONS, entry_point
-
-    found = []
-    for module, kernels in json.loads(Path(signatures).read_bytes()).items():
-        for name, all_types in kernels.items():
-            for types in all_types:
-                if compile_one(module, name, types):
-                    dispatcher = getattr(importlib.import_module(module), name).dispatcher
-                    if made := entry_point(dispatcher, tuple(map(from_json, types))):
-                        found.append(machine_code.Compiled(module, name, types, *made))
-    machine_code.write(Path(path), found, LIBRARY_FUNCTIONS)
 
 
 def compile_one(module: str, kernel: str, types: list[Any]) -> bool:
@@ -237,12 +218,6 @@ def compile_one(module: str, kernel: str, types: list[Any]) -> bool:
     except (ImportError, AttributeError, TypeError, NumbaError):
         return False
     return True
-
-
-def _size(modules: list[str]) -> int:
-    root = Path(__file__).parents[2]
-    files = [root.joinpath(*module.split(".")).with_suffix(".py") for module in modules]
-    return sum(file.stat().st_size for file in files if file.exists())
 
 
 def _processors() -> int:

@@ -102,11 +102,19 @@ def test_numba_loads_kernels_where_a_file_is_damaged(file, tmp_path, monkeypatch
 
 
 def test_code_that_cannot_be_linked_is_not_kept(tmp_path):
-    path = tmp_path / "all.kernels"
-    machine_code.write(
-        path, [Compiled("module", "kernel", [], "symbol", {}, b"no object file")], ()
-    )
-    assert [*tmp_path.iterdir()] == []
+    part = tmp_path / "part"
+    machine_code.save(part, [Compiled("module", "kernel", [], "symbol", {}, b"no object file")], ())
+    machine_code.join([part], tmp_path / "all.kernels")
+    assert [*tmp_path.iterdir()] == [part]
+
+
+def test_parts_are_joined_to_what_one_process_would_have_written(file, tmp_path):
+    kernels, library = machine_code.read(file)
+    parts = [tmp_path / "first", tmp_path / "second"]
+    for part, half in zip(parts, (kernels[::2], kernels[1::2]), strict=True):
+        machine_code.save(part, half, library)
+    machine_code.join(parts, tmp_path / "joined")
+    assert machine_code.read(tmp_path / "joined") == ([*kernels[::2], *kernels[1::2]], library)
 
 
 def test_a_first_verdict_loads_no_numba(file, tmp_path):
