@@ -16,13 +16,13 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 from . import machine_code
-from .kernel_folder import is_writable, read_signatures, stamp
+from .kernel_folder import Signatures, is_writable, read_signatures, stamp
 
 if sys.platform != "win32":  # where two processes may compile the same kernel
     import fcntl
@@ -113,12 +113,13 @@ def _only_one(path: Path, tell: Tell, total: int) -> Iterator[None]:
         yield
 
 
-def _compile(modules: Iterable[str], tell: Tell, total: int, done: Path) -> bool:
+def _compile(signatures: Signatures, tell: Tell, total: int, done: Path) -> bool:
     """Compile module after module in several processes, and put their machine code into one file.
 
     Returns whether all was compiled.
     """
-    todo, words = deque(modules), SimpleQueue[str]()
+    longest_first = sorted(signatures, key=lambda module: -len(str(signatures[module])))  # roughly
+    todo, words = deque(longest_first), SimpleQueue[str]()
     unfinished, compiled = len(todo), 0
     running = min(unfinished, _processors(), PROCESSES)
     parts = [done.with_suffix(f".{os.getpid()}.{number}") for number in range(running)]
