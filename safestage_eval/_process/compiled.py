@@ -6,17 +6,20 @@ are called with (``machine_code``); for other types, numba compiles them when th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cached_property, update_wrapper
 from itertools import count
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+if TYPE_CHECKING:
+    from .kernel_arguments import Check
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-MANY = 100_000
+MANY = 400_000
 """Calls of a kernel. From then on numba chooses the version for the arguments: that costs a microsecond
-less than choosing it here, but a quarter of a second to load."""
+less than choosing it here, but half a second to load."""
 
 KERNELS: list[Kernel] = []
 """Every kernel that was imported."""
@@ -34,15 +37,25 @@ class Kernel:
     def __init__(self, function: Callable[..., Any], *, inline: bool, counted: bool) -> None:
         """See ``kernel``, ``helper`` and ``allocating``."""
         self.py_func, self.inline, self.counted = function, inline, counted
-        self._run = self._first
+        self._linked: Sequence[tuple[Check, Callable[..., Any]]] | None = None
+        self._calls = count()
         update_wrapper(self, function)
 
     def __call__(self, *args: Any, **named: Any) -> Any:
         """Run it. Raises TypeError for types that it cannot be compiled for."""
-        return self._run(*args, **named)
+        linked = self._linked
+        if linked is None:
+            linked = self._linked = self._versions()
+        if not named:
+            for suits, call in linked:
+                if suits(args):
+                    if next(self._calls) > MANY:
+                        self._linked = ()
+                    return call(*args)
+        return self.dispatcher(*args, **named)
 
-    def _first(self, *args: Any, **named: Any) -> Any:
-        """Run it for the first time in this process."""
+    def _versions(self) -> Sequence[tuple[Check, Callable[..., Any]]]:
+        """What this machine has compiled: checks of arguments, and what to call with such."""
         from . import machine_code
         from .kernel_arguments import fits
 
@@ -50,20 +63,7 @@ class Kernel:
         for types, call in machine_code.load().get(own, ()):
             with suppress(ValueError, ImportError, AttributeError):
                 known.append((fits(types), call))
-
-        calls = count()
-
-        def run(*args: Any, **named: Any) -> Any:
-            if next(calls) > MANY:
-                self._run = self.dispatcher
-            elif not named:
-                for suits, call in known:
-                    if suits(args):
-                        return call(*args)
-            return self.dispatcher(*args, **named)
-
-        self._run = run if known else self.dispatcher
-        return self._run(*args, **named)
+        return known
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -89,7 +89,7 @@ class Kernel:
             numba.core.errors.NumbaError, TypeError: it cannot be compiled for them.
         """
         self.dispatcher.compile(types)
-        self._run = self.dispatcher
+        self._linked = ()
 
     @property
     def _numba_type_(self) -> Any:

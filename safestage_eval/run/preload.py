@@ -1,7 +1,7 @@
 """Modules that all workers need: imported once by the process that they are forked from.
 
 That process judges nothing and starts no threads. A worker begins with everything imported and
-every listed kernel loaded, in memory that all of them share.
+every listed kernel linked, in memory that all of them share.
 """
 
 import gc
@@ -13,10 +13,10 @@ import safestage_eval.formats.parquet.dataset_reader
 import safestage_eval.geometry.edge
 import safestage_eval.relations.doubt
 import safestage_eval.verdicts.judging  # noqa: F401 — all that reads, measures and judges
-from safestage_eval._process.precompile import load_kernels
+from safestage_eval._process.precompile import compile_kernels
 
 from . import worker  # noqa: F401
 
-load_kernels()
+compile_kernels()
 gc.collect()
 gc.freeze()  # a collection in a worker would otherwise copy what is shared
