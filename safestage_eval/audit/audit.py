@@ -15,13 +15,11 @@ from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
 from safestage_eval.formats.episode_filter import Selection
-from safestage_eval.run.pool import Local, with_workers
 from safestage_eval.run.settings import Settings, load_settings
 from safestage_eval.verdicts.problem import Problem
 
 from .audit_check import Check, choose
 from .audit_episode import Audited, audit_episode, finding_of
-from .audit_worker import work
 from .campaign_summary import Campaign
 from .finding import SEVERITIES, Finding, Severity
 
@@ -100,6 +98,7 @@ def audit(
         RuleErrors, RuleError: rules or a bind file that do not mean anything.
     """
     from safestage_eval.rules import builtin_names
+    from safestage_eval.run.pool import with_workers
 
     checks = choose(select, ignore)
     specs = list(rules) or builtin_names()
@@ -154,6 +153,10 @@ def audit_many(
             progress(len(episodes), len(refs))
 
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
+        from safestage_eval.run.pool import Local
+
+        from .audit_worker import work
+
         audits = partial(work, codes=tuple(check.code for check in checks))
         with Local(workers, settings, work=audits) as engine:
             for number, one in engine.run(enumerate(refs)):

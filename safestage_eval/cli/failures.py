@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import errno
 import gc
+import os
 import re
 import sys
 from io import TextIOWrapper
@@ -34,6 +35,8 @@ _FAILING = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.ESTALE, errno.ETIMEDOUT}
 def run(command: click.Command) -> None:
     """Run a command and exit with its code; an ``InputError`` becomes a message and 2."""
     gc.set_threshold(GARBAGE)
+    # pydantic would look through all installed packages for plugins
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     atexit.register(gc.freeze)  # looking for garbage as the process ends took a seventh of it
     stdout = sys.stdout
     if isinstance(stdout, TextIOWrapper) and stdout.errors == "strict":

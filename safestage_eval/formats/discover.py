@@ -261,20 +261,22 @@ def _dataset_refs(file: Path) -> list[EpisodeRef]:
 
 def _single(path: Path, beginning: bytes) -> Format | None:
     """The format of a file that holds one episode, by its first bytes; None for any other."""
-    from .zip_reader import is_zip_trace
-
     if path.suffix == ".mcap" or beginning.startswith(MCAP_MAGIC):
         return "mcap"
+    from .zip_reader import is_zip_trace
+
     return "zip" if is_zip_trace(beginning) else None
 
 
 def _single_ref(path: Path, form: Format) -> EpisodeRef:
-    from .mcap.mcap_reader import read_header
-    from .zip_reader import read_zip_header
+    if form == "mcap":
+        from .mcap.mcap_reader import read_header
+    else:
+        from .zip_reader import read_zip_header as read_header
 
     try:
         regular_status(path)
-        header, stated = (read_header if form == "mcap" else read_zip_header)(path)
+        header, stated = read_header(path)
     except TraceError as problem:
         return EpisodeRef(path, form, problem=problem)
     except OSError as error:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.json
 import pyarrow.parquet as pq
 
 from safestage_eval.run.scores import Scores
@@ -33,9 +35,19 @@ def pieces(scores: Scores) -> Iterator[bytes]:
     rest = each_row(scores)
     with pq.ParquetWriter(pa.PythonFile(sink, "w"), SCHEMA, compression="zstd") as writer:
         while rows := list(islice(rest, _GROUP)):
-            writer.write_table(pa.Table.from_pylist(rows, schema=SCHEMA))
+            writer.write_table(_table(rows))
             yield sink.taken()
     yield sink.taken()
+
+
+def _table(rows: list[dict[str, Any]]) -> pa.Table:
+    """The rows as a table, read from JSON: of Python objects pyarrow makes none without importing pandas."""
+    text = "\n".join(json.dumps(row, allow_nan=False) for row in rows).encode()
+    return pyarrow.json.read_json(
+        io.BytesIO(text),
+        pyarrow.json.ReadOptions(use_threads=False, block_size=len(text) + 1),
+        pyarrow.json.ParseOptions(explicit_schema=SCHEMA, unexpected_field_behavior="error"),
+    )
 
 
 class _Sink(io.RawIOBase):

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import TYPE_CHECKING
 from weakref import finalize
 
 from safestage_eval.formats import EpisodeRef
@@ -23,14 +24,15 @@ from safestage_eval.verdicts.problem import Problem
 from .bind_checks import require_match
 from .engine_interface import Line, Numbered
 from .gates import Gates
-from .pool import Local, with_workers
-from .result_keys import Keys
 from .result_parts import Parts
 from .score_many import score_many
 from .scores import Scores, deduplicate, taken, titles
 from .settings import Settings
 from .stored_results import StoredResults
 from .stratified_sample import sample
+
+if TYPE_CHECKING:
+    from .result_keys import Keys
 
 IN_MEMORY = 1000
 """Results that are held; those of a longer run go to disk at once."""
@@ -102,7 +104,7 @@ def score_traces(
         refs, note = iter(picked.refs), picked.told
     held = None
     if choice.resume is None and choice.engine == "local":
-        first = list(with_workers(islice(refs, IN_MEMORY + 1), choice.jobs))
+        first = list(_met(islice(refs, IN_MEMORY + 1), choice.jobs))
         refs = chain(first, refs)
         held = first if len(first) <= IN_MEMORY else None
     if held is not None:
@@ -114,6 +116,15 @@ def score_traces(
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
     return replace(scores, sample=note, aborted=tuple(left_out), gates=Gates.of(settings.rules))
+
+
+def _met(refs: Iterable[EpisodeRef], jobs: int | None) -> Iterable[EpisodeRef]:
+    """The same; workers get ready meanwhile if there will be any."""
+    if jobs == 1:
+        return refs
+    from .pool import with_workers
+
+    return with_workers(refs, jobs)
 
 
 def _in_memory(
@@ -140,9 +151,11 @@ def _on_disk(
             folder, place = None, choice.resume
             if settings.cache is None and choice.engine == "local":
                 settings = settings.copy_with(cache=place / ANSWERS, verdicts_only=True)
-        keys = (
-            None if choice.resume is None else Keys(settings, place / HEADERS)
-        )  # else nobody asks
+        keys = None
+        if choice.resume is not None:  # else nobody asks
+            from .result_keys import Keys
+
+            keys = Keys(settings, place / HEADERS)
         ledger = _Ledger(Parts(place / "parts"), keys, progress, folder)
         if choice.engine == "ray":
             from .ray_cluster import judge
@@ -151,6 +164,8 @@ def _on_disk(
             with redirect_stdout(sys.stderr):  # where Ray tells of processes that died
                 judge(ledger.todo(refs), ledger, settings, choice.address)
         else:
+            from .pool import Local
+
             engine = until.enter_context(
                 Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
             )

@@ -8,6 +8,7 @@ from studio import block, run, safe_and_unsafe
 
 from safestage_eval.evidence import disk_store
 from safestage_eval.formats import load, save
+from safestage_eval.run import pool
 from safestage_eval.run import score_traces as runs
 from safestage_eval.run.score_episode import score_episode
 from safestage_eval.run.score_many import score_paths
@@ -54,7 +55,7 @@ def counted(monkeypatch):
             for number, ref in episodes:
                 yield number, line_of(counting(ref, self._rules, **self._settings.arguments()))
 
-    monkeypatch.setattr(runs, "Local", Here)
+    monkeypatch.setattr(pool, "Local", Here)
     return done
 
 

@@ -12,7 +12,6 @@ from safestage_eval.audit.campaign_groups import groups, ids, label, policies
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
 from safestage_eval.metrics.interval import wilson
-from safestage_eval.metrics.two_samples import smallest_difference
 
 POINT = 0.01
 """A difference that is smaller is none that anybody would report."""
@@ -151,6 +150,8 @@ def underpowered(campaign: Campaign) -> Iterator[Defect]:
     for (one, (good, n)), (other, (well, m)) in combinations(rates.items(), 2):
         if one[1] != other[1] or not n or not m or good * m == well * n:
             continue
+        from safestage_eval.metrics.two_samples import smallest_difference
+
         least = smallest_difference(n, m, (good + well) / (n + m))
         seen = abs(good / n - well / m)
         if seen >= POINT and (least is None or seen < least):
