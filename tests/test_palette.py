@@ -76,7 +76,7 @@ def test_marks_and_borders_of_controls_are_seen(dark):
 
 @pytest.mark.parametrize("dark", [0, 1], ids=["light", "dark"])
 @pytest.mark.parametrize("sight", MACHADO)
-def test_pass_and_violation_are_told_apart_by_colour_blind_readers(sight, dark):
+def test_pass_and_violation_are_distinguished_by_colour_blind_readers(sight, dark):
     seen = [lab(np.clip(MACHADO[sight] @ linear(PAIRS[n][dark]), 0, 1)) for n in VERDICTS[:2]]
     assert np.linalg.norm(seen[0] - seen[1]) > 25  # CIE76; about 2 is just noticeable
 
@@ -123,7 +123,7 @@ def test_a_terminals_colours_can_be_read_on_white_and_on_black(verdict):
 
 
 @pytest.mark.parametrize("sight", [None, *MACHADO])
-def test_pass_and_violation_are_told_apart_in_a_terminal(sight):
+def test_pass_and_violation_are_distinguished_in_a_terminal(sight):
     away = seen_by(sight, TERMINAL["pass"]) - seen_by(sight, TERMINAL["violation"])
     assert np.linalg.norm(away) > 25
 

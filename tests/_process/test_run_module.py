@@ -12,6 +12,6 @@ def test_a_package_does_what_its_command_line_says(tmp_path):
     assert (tmp_path / "other.json").read_text("utf-8").split() == ["{", '"a":', "1", "}"]
 
 
-def test_a_failure_is_told_with_the_last_line_printed(tmp_path):
+def test_a_failure_is_reported_with_the_last_line_printed(tmp_path):
     with pytest.raises(InputError, match=r"json\.tool .*missing\.json.*failed: .*missing\.json"):
         run_module("json.tool", str(tmp_path / "missing.json"))

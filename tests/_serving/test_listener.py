@@ -17,7 +17,7 @@ class Toy(Listener):
     def close(self): ...
 
 
-def test_a_loop_that_breaks_is_told_of():
+def test_a_loop_that_breaks_is_reported():
     def breaks():
         raise OSError(28, "No space left on device")
 

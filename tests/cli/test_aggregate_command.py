@@ -94,7 +94,7 @@ def test_intervals_are_the_same_for_the_same_seed(table):
     assert run("aggregate", table, "--intervals", "wilson").text.count("[") == first.count("[")
 
 
-def test_uneven_cells_are_told_and_strict_about(tmp_path):
+def test_uneven_cells_are_reported_and_strict_about(tmp_path):
     frame(campaign(5)[1:]).to_csv(tmp_path / "a.csv", index=False)
     done = run("aggregate", tmp_path / "a.csv", "-f", "json")
     assert done.code == 0

@@ -140,7 +140,7 @@ def test_files_without_names_are_reviewers_of_their_own(tmp_path):
         ("episode_id,label\na,safe\n", "episode_id,stage,violation\na,ISH,maybe\n", "violation is 'maybe'"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read_is_told_with_its_place(tmp_path, labels, results, said):
+def test_what_cannot_be_read_is_reported_with_its_place(tmp_path, labels, results, said):
     for name, text in (("labels.csv", labels), ("results.csv", results)):
         (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=said):

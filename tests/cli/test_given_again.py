@@ -83,7 +83,7 @@ def test_what_is_not_the_same_is_not_replaced(tmp_path, damage):
     assert run("convert", traces, "--to", "mcap", "--out", out, "--force").code == 0
 
 
-def test_two_episodes_of_one_file_name_are_told_of_each_time(tmp_path):
+def test_two_episodes_of_one_file_name_are_reported_each_time(tmp_path):
     for i, name in enumerate(("a b", "a_b")):
         save(block(name), tmp_path / "in" / f"{i}.mcap")
     for _ in range(2):

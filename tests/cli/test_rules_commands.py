@@ -183,13 +183,13 @@ def test_what_two_files_change(mine, tmp_path):
     assert run("rules", "diff", mine, mine, "--fail-on-change").code == 0
 
 
-def test_a_code_that_resembles_none_is_told_where_to_find_them():
+def test_a_code_that_resembles_none_is_answered_with_where_to_find_them():
     done = run("rules", "show", "NOPE")
     assert done.code == 2
     assert "safestage rules show lists all codes" in done.err
 
 
-def test_of_very_many_problems_the_first_are_told(tmp_path):
+def test_of_very_many_problems_the_first_are_reported(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(MINE + "".join(f"unknown_{i} = 1\n" for i in range(1500)))
     for command in (("rules", "check", path), ("rules", "show", path)):

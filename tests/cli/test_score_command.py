@@ -407,13 +407,13 @@ def test_a_cache_folder_that_cannot_be_used_is_named(traces, tmp_path):
     assert done.rows == run("score", traces, "-r", "fsh", "-f", "jsonl", "--no-cache").rows
 
 
-def test_a_problem_is_told_once(traces, tmp_path):
+def test_a_problem_is_reported_once(traces, tmp_path):
     (tmp_path / "cut.mcap").write_bytes((traces / "safe.mcap").read_bytes()[:3000])
     done = run("score", tmp_path, "-r", "fsh")
     assert (done.text + done.err).count("problem: ") == 1
 
 
-def test_a_value_close_to_its_limit_is_told_apart_from_it(traces):
+def test_a_value_close_to_its_limit_is_distinguished_from_it(traces):
     asked = "score", traces / "unsafe.mcap", "--assigned"
     (row,) = run(*asked, "-f", "jsonl").rows
     done = run(*asked, "--set", f"edge={row['value'] + 1e-4:.6f} {row['unit']}")

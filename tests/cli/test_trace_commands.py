@@ -197,7 +197,7 @@ def test_the_episode_may_be_named_as_an_argument(tmp_path, command):
     assert "name the episode once" in done.err
 
 
-def test_a_path_that_is_not_there_is_told_in_whole_sentences(tmp_path):
+def test_a_path_that_is_not_there_is_reported_in_whole_sentences(tmp_path):
     done = run("inspect", tmp_path / "nowhere")
     assert "no such file or folder. Fix: check the spelling." in done.err
 

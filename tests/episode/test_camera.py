@@ -48,7 +48,7 @@ def test_older_traces_have_none(version: str, name: str) -> None:
         ({"orientation": (1, 1, 0, 0)}, "norm 1"),
     ],
 )
-def test_impossible_ones_are_told(wrong: dict[str, Any], said: str) -> None:
+def test_impossible_ones_are_reported(wrong: dict[str, Any], said: str) -> None:
     for fields in (
         {"cameras": (camera(**wrong),)},
         {"video": Video(file="a.mp4", rate=15, frames_per_picture=8, cameras=(camera(**wrong),))},

@@ -155,7 +155,7 @@ def test_nor_does_one_of_a_recording_that_is_imported(tmp_path):
     assert "told:" in lines[0]
 
 
-def test_columns_that_are_missing_from_a_row_group_are_told(tmp_path):
+def test_columns_that_are_missing_from_a_row_group_are_reported(tmp_path):
     everything().close(tmp_path / "ds")
     [file] = (tmp_path / "ds/frames").iterdir()
     data = file.read_bytes()
@@ -196,7 +196,7 @@ def test_sound_footers_are_read_as_pyarrow_reads_them(tmp_path, rows):
                 assert mine == ends
 
 
-def test_a_footer_that_breaks_off_anywhere_is_told(tmp_path):
+def test_a_footer_that_breaks_off_anywhere_is_reported(tmp_path):
     path = tmp_path / "f.parquet"
     pq.write_table(pa.table(TYPES), path)
     data = path.read_bytes()
@@ -223,7 +223,7 @@ def varint(n):
         (b"\x06" + b"\x81" * 40, "64 bits"),
     ],
 )
-def test_hostile_footers_take_no_time_and_are_told(footer, told):
+def test_hostile_footers_take_no_time_and_are_reported(footer, told):
     with pytest.raises(ValueError, match=told):
         read_chunks(footer)
 

@@ -74,7 +74,7 @@ def test_a_broken_episode_does_not_stop_the_others(tree):
     assert [error.where for error in validate(tree)] == [str(file), str(tree / "loose/b.mcap")]
 
 
-def test_a_dataset_that_lost_its_description_is_told_beside_sound_files(tree):
+def test_a_dataset_that_lost_its_description_is_reported_beside_sound_files(tree):
     """Its episodes cannot be read; that they are there must not be passed over."""
     (tree / "dataset/meta/info.json").unlink()
     problems = [ref.problem for ref in discover(tree) if ref.problem is not None]

@@ -48,19 +48,19 @@ def test_those_with_the_values_and_those_that_cannot_be_read(where, ids):
         ({"family": "x"}, "no field 'family'."),
     ],
 )  # fmt: skip
-def test_where_none_is_meant_the_values_are_told(where, said):
+def test_where_none_is_meant_the_values_are_reported(where, said):
     with pytest.raises(InputError) as caught:
         list(Selection(HERE, where))
     assert said in str(caught.value)
 
 
-def test_of_many_values_some_are_told():
+def test_of_many_values_some_are_reported():
     many = [ref(n, task=f"t{n:03}") for n in range(SHOWN + 30)]
     with pytest.raises(InputError, match="and 30 more"):
         list(Selection(many, {"task": "zzz"}))
 
 
-def test_a_misspelt_field_is_told_before_the_others_are_found():
+def test_a_misspelt_field_is_reported_before_the_others():
     def found():
         yield ref(1, task="stack")
         raise AssertionError("was asked for more")

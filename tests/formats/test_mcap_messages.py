@@ -198,7 +198,7 @@ def without(field):
         ),
     ],
 )
-def test_a_broken_message_is_told_if_its_frame_counts(message, error):
+def test_a_broken_message_is_reported_if_its_frame_counts(message, error):
     good = own_cloud(0, 2).SerializeToString()
     sink = CloudPoints("x")
     for batch in batches([good, good, good, message, good], [2]):

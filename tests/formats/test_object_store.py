@@ -175,7 +175,9 @@ class TestRemote:
         assert len(found.problems) == len(refs) - 3
 
     @pytest.mark.parametrize("what", ["nobody there", "always fails", "fails later"])
-    def test_a_store_that_cannot_be_listed_is_told_in_words(self, uri, store, monkeypatch, what):
+    def test_a_store_that_cannot_be_listed_is_reported_in_words(
+        self, uri, store, monkeypatch, what
+    ):
         monkeypatch.setattr(remote_path, "TRIES", 2)
         if what == "nobody there":
             monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:1")
@@ -189,6 +191,6 @@ class TestRemote:
         assert "Traceback" not in done.err
         assert "cannot be read" in done.err
 
-    def test_what_is_not_there_is_told(self, uri):
+    def test_what_is_not_there_is_reported(self, uri):
         with pytest.raises(TraceError, match="no such file or folder"):
             discover(f"{uri}/nowhere")

@@ -48,7 +48,7 @@ def test_folders_of_a_flat_store(tmp_path, monkeypatch):
     assert [ref.episode_id for ref in discover("gs://bucket")] == ids
 
 
-def test_a_store_that_never_answers_is_told(monkeypatch):
+def test_a_store_that_never_answers_is_reported(monkeypatch):
     stand_in(monkeypatch, Silent())
     monkeypatch.setattr(remote_path, "ANSWER", 0.05)
     with pytest.raises(TimeoutError):

@@ -116,7 +116,7 @@ def test_a_changed_value_under_the_sound_hash_must_be_noticed(stored):
 
 
 @pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.name)
-def test_what_was_found_once_is_told_in_words(tmp_path, path):
+def test_what_was_found_once_is_reported_in_words(tmp_path, path):
     copy = tmp_path / path.name
     if path.is_dir():
         shutil.copytree(path, copy)

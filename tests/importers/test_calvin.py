@@ -118,7 +118,7 @@ def test_a_frame_with_other_arrays_is_refused(source, key, array):
 
 @pytest.mark.parametrize("key", ["scene_obs", "robot_obs", "actions"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_numbers_that_are_none_are_told(source, key, value):
+def test_numbers_that_are_none_are_reported(source, key, value):
     for path in source.glob("episode_*.npz"):
         with np.load(path) as frame:
             arrays = {**frame}

@@ -290,7 +290,7 @@ def test_problems_of_a_map_file_are_pointed_at(source, tmp_path, text, place, to
     assert told in done.err
 
 
-def test_an_entry_that_no_body_answers_to_is_told(source, tmp_path):
+def test_an_entry_that_no_body_answers_to_is_reported(source, tmp_path):
     with (tmp_path / "map.toml").open("a") as text:
         text.write('[body.cubo]\nmass = 1\n[body."mug_*"]\nmass = 1\n')
     done = take(source, tmp_path / "data", "--dt", "0.01")

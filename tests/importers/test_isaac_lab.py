@@ -218,7 +218,7 @@ def test_success_that_is_nowhere_is_not_known(tmp_path):
     assert load(tmp_path / "data").header.success is None
 
 
-def test_broken_side_files_are_told(tmp_path):
+def test_broken_side_files_are_reported(tmp_path):
     source = write_robolab(tmp_path / "out", [scene()])
     (source.parent / "env_cfg.json").write_text('{"sim": ')
     done = take(source, tmp_path / "data")

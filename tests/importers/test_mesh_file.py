@@ -108,7 +108,7 @@ def test_what_is_no_mesh_file_is_not_opened(tmp_path, name):
 
 @pytest.mark.parametrize("data", [b"", b"\xff" * 99, b"v nan\n", b"f 1 2 9\n"])
 @pytest.mark.parametrize("ending", SHAPES)
-def test_damaged_meshes_are_told(tmp_path, ending, data):
+def test_damaged_meshes_are_reported(tmp_path, ending, data):
     path = tmp_path / f"a{ending}"
     path.write_bytes(data)
     try:

@@ -92,7 +92,7 @@ def test_a_member_that_holds_more_than_the_archive_says(tmp_path):
 @pytest.mark.parametrize(
     "data", [b"", b"PK\x03\x04", b"\x93NUMPY\x01\x00", b"text", header((1,)) + bytes(8)]
 )
-def test_what_is_no_archive_is_told(tmp_path, data):
+def test_what_is_no_archive_is_reported(tmp_path, data):
     (tmp_path / "a.npz").write_bytes(data)
     assert npz_names(tmp_path / "a.npz") == frozenset()
     with pytest.raises(InputError, match="cannot be read"):

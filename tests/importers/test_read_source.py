@@ -84,7 +84,7 @@ def test_a_library_that_never_comes_back(tmp_path):
     assert not [*(tmp_path / "out").rglob(".*")]
 
 
-def test_each_trouble_is_told_and_costs_nobody_else(tmp_path, monkeypatch):
+def test_each_trouble_is_reported_and_costs_nobody_else(tmp_path, monkeypatch):
     monkeypatch.setattr(children, "LOADING", 0.0)
     monkeypatch.setattr(children, "AGAIN", 0.0)
     words = ["one", "die", "hang", "two", "swell", "die once", "three"]

@@ -172,7 +172,7 @@ def nested(depth):
 
 
 @pytest.mark.parametrize("what", HOSTILE)
-def test_hostile_records_are_told(tmp_path, what):
+def test_hostile_records_are_reported(tmp_path, what):
     change, message = HOSTILE[what]
     source, columns = write_rlds(tmp_path / "in", [scene()])
     shard(source).write_bytes(change(shard(source).read_bytes()))
@@ -191,7 +191,7 @@ def test_limits_hold(tmp_path, monkeypatch):
     assert "--limits frames=20" in done.err + done.text
 
 
-def test_missing_shards_are_told(tmp_path):
+def test_missing_shards_are_reported(tmp_path):
     source, columns = write_rlds(tmp_path / "in", [scene(i) for i in range(4)], shards=2)
     max(source.glob("*.tfrecord-*")).unlink()
     done = import_set(tmp_path, source, columns)
@@ -199,7 +199,7 @@ def test_missing_shards_are_told(tmp_path):
     assert "download what is missing" in done.err
 
 
-def test_files_of_other_kinds_are_told(tmp_path):
+def test_files_of_other_kinds_are_reported(tmp_path):
     source, columns = write_rlds(tmp_path / "in", [scene()])
     old = shard(source)
     old.rename(old.with_name(old.name.replace("tfrecord", "array_record")))
@@ -217,7 +217,7 @@ def test_files_of_other_kinds_are_told(tmp_path):
         ('quaternion = "xyzw"', "", "prescribes none"),
     ],
 )
-def test_mistakes_in_the_map_are_told(tmp_path, old, new, told):
+def test_mistakes_in_the_map_are_reported(tmp_path, old, new, told):
     source, columns = write_rlds(tmp_path / "in", [scene()])
     done = import_set(tmp_path, source, columns.replace(old, new))
     assert done.code == 2

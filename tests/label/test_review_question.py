@@ -13,14 +13,14 @@ def asked(material=None, **header):
     return question(scene.episode(roles=roles, **header).header, load_rules(builtin_names()))
 
 
-def test_a_tasks_own_limit_is_told_and_not_the_default():
+def test_a_tasks_own_limit_is_reported_and_not_the_default():
     result = asked(rules=("ETS201",), parameters={"min_clearance": "3 cm"})["rules"][0]
     assert result["always"] == ["clearance(target, protected) at least 3 cm (min_clearance)"]
     result = asked(rules=("ETS201",))["rules"][0]
     assert result["always"] == ["clearance(target, protected) at least 8 cm (min_clearance)"]
 
 
-def test_a_materials_limit_is_told_as_a_number():
+def test_a_materials_limit_is_reported_as_a_number():
     for material, limit in (("bottle", "8 deg"), (None, "15 deg"), ("ceramic", "15 deg")):
         result = asked(material, rules=("FSH101",))["rules"][0]["always"]
         assert f"tilt(target) at most the max_tilt of target (cup: {limit})" in result

@@ -41,7 +41,7 @@ def everything(server, reviewer="ada"):
     return b"\n".join(bodies)
 
 
-def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkeypatch, tmp_path):
+def test_nothing_of_the_verdict_nor_of_the_policy_is_shown(traces, server, monkeypatch, tmp_path):
     scores = score_paths([traces], [rules(tmp_path)])
     rows = [row for result in scores.results for row in result.rows() if row["assigned"]]
     assert {row["verdict"] for row in rows} == {"pass", "violation"}
@@ -59,7 +59,7 @@ def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkey
         assert secret.encode() not in answer
 
 
-def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
+def test_what_is_shown_is_the_same_whatever_the_results_say(traces, tmp_path):
     from safestage_eval.cli.label_command import _episodes
 
     answer = []
@@ -169,7 +169,7 @@ def test_a_name_given_on_the_command_line_cannot_be_changed(traces, tmp_path):
         assert server.session.ledger.reviewers == ["ada"]
 
 
-def test_what_comes_next_is_told_at_the_end(traces, tmp_path):
+def test_what_comes_next_is_reported_at_the_end(traces, tmp_path):
     found = session(traces, tmp_path / "labels.csv", commands=("safestage agreement x",))
     with served(found) as server:
         for i in range(3):
@@ -189,7 +189,7 @@ def test_an_answer_that_cannot_be_written_is_an_error(server, monkeypatch):
     assert "No space left" in json.loads(answer)["error"]
 
 
-def test_a_broken_trace_is_told_of_without_its_name(traces, tmp_path, capsys):
+def test_a_broken_trace_is_reported_without_its_name(traces, tmp_path, capsys):
     found = session(traces, tmp_path / "labels.csv")
     with served(found) as server:
         path = tmp_path / "SECRET-FILE-broken.mcap"
@@ -222,7 +222,7 @@ def test_videos_come_whole_or_in_parts(traces, tmp_path):
         assert ask(server, "/rollout/0/video")[0] == 404
 
 
-def test_a_taken_port_is_told_of(server):
+def test_a_taken_port_is_reported(server):
     with pytest.raises(InputError, match="another --port"):
         serve(server.session, server.server_port)
 

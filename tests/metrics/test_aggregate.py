@@ -160,7 +160,7 @@ def test_a_prompt_that_a_policy_lacks_is_one_problem():
     assert "no rollouts at all" in problem.message
 
 
-def test_what_is_not_in_n_is_told_and_bounded():
+def test_what_is_not_in_n_is_reported_and_bounded():
     outcomes = campaign(1)
     outcomes[0] = replace(outcomes[0], violation=None)
     outcomes[1] = replace(outcomes[1], judged=False, violation=None)
@@ -172,7 +172,7 @@ def test_what_is_not_in_n_is_told_and_bounded():
     assert most - least == pytest.approx(100 / (rate.n + 1))
 
 
-def test_a_task_in_two_stages_is_told():
+def test_a_task_in_two_stages_is_reported():
     outcomes = campaign(1)
     other = "ETS" if outcomes[0].stage != "ETS" else "FSH"
     outcomes[0] = replace(outcomes[0], stage=other)

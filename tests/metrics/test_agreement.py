@@ -122,7 +122,7 @@ def labels(**said):
     return [Label(name, answer) for name, answer in said.items()]
 
 
-def test_what_has_no_partner_is_told_on_both_sides():
+def test_what_has_no_partner_is_listed_on_both_sides():
     found = agreement(
         labels(a="safe", b="unsafe"), [Judged("b", "ETS", True), Judged("c", "ETS", False)]
     )

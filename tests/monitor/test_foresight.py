@@ -99,7 +99,7 @@ def test_the_built_in_rules() -> None:
             assert later <= touched + 1e-9, code
 
 
-def test_without_forces_a_grip_is_told_by_the_whole_motion() -> None:
+def test_without_forces_a_grip_is_inferred_from_the_whole_motion() -> None:
     rules = load_rules(builtin_names())
     for code, causal in (("ETS104", True), ("ISH203", False)):
         look = foresight(rules, rules.rules[code], rules.params, 1 / 120, blind=True)

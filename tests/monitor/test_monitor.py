@@ -65,7 +65,7 @@ def test_every_recorded_episode_by_all_rules(name: str) -> None:
     check(name, assigned_only=False, step=32, compare=25)
 
 
-def test_how_often_one_looks_changes_nothing_but_when_it_is_told() -> None:
+def test_how_often_one_looks_changes_nothing_but_when_it_is_reported() -> None:
     episode = RECORDED["ets_dumbbell_near_glasses.reference-unsafe.default.s0.r0"].open()
     found = []
     for step in (7, 100, 1000):
@@ -79,7 +79,7 @@ def test_how_often_one_looks_changes_nothing_but_when_it_is_told() -> None:
     assert len(set(found)) == 1
 
 
-def test_before_the_initial_state_is_known_nothing_is_told() -> None:
+def test_before_the_initial_state_is_known_nothing_is_reported() -> None:
     episode = RECORDED["ish_bin_with_lemon.reference-unsafe.default.s0.r0"].open()
     so_far, monitor = growing(episode), Monitor(episode.header, RULES)
     assert monitor.update(so_far) == []

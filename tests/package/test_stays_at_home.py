@@ -82,7 +82,7 @@ def test_no_program_is_started(worked):
     assert worked[0].commands_with("run") <= {"import"}
 
 
-def test_only_what_was_given_is_read_and_only_where_it_was_told_is_written(worked):
+def test_only_what_was_given_is_read_and_only_where_it_was_asked_to_is_written(worked):
     found, given, out, work, _ = worked
     assert not found.outside("read", given, out, work, *OUR_OWN)
     assert not found.outside("write", out, work, *OF_PYTHON, CHECKOUT / "safestage_eval")

@@ -140,7 +140,7 @@ def test_a_folder_is_no_golden_file(tmp_path):
         compare_golden(scores(), tmp_path)
 
 
-def test_value_limit_and_digest_are_told_with_a_verdict_that_flips(tmp_path):
+def test_value_limit_and_digest_are_reported_with_a_verdict_that_flips(tmp_path):
     after = replace(VIOLATION, verdict="pass", limit=0.003, rule_digest="e" * 64)
     (line,) = compared(tmp_path, episode("one", VIOLATION), episode("one", after))
     assert "verdict violation → pass" in line

@@ -24,7 +24,7 @@ def test_a_file_of_that_name_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert list(load_bind("libero", load_rules(["ets"])).tasks) == ["mine"]
 
 
-def test_a_name_that_is_none_is_told_which_there_are() -> None:
+def test_a_name_that_is_none_is_answered_with_the_known_ones() -> None:
     with pytest.raises(RuleError, match="libero"):
         load_bind("liberro", load_rules(["ets"]))
 

@@ -92,7 +92,7 @@ def test_letting_go_from_high_up_is_a_drop(release: float, dropped: bool) -> Non
 
 @pytest.mark.parametrize("rate", [60, 120, 240])
 @pytest.mark.parametrize(("height", "dropped"), [(0.055, True), (0.045, False)])
-def test_a_fall_is_told_at_any_rate(rate: float, height: float, dropped: bool) -> None:
+def test_a_fall_is_reported_at_any_rate(rate: float, height: float, dropped: bool) -> None:
     """The frame that lands counts: before it a coarse recording has seen only part of the way."""
     frames = int(2 * rate)
     t = np.arange(frames) / rate

@@ -121,7 +121,7 @@ def test_a_body_that_is_not_there(given, said) -> None:
         ({"roles": ["=cube"]}, "ROLE=BODIES"),
     ],
 )
-def test_mistakes_are_told_before_any_trace_is_read(given, said) -> None:
+def test_mistakes_are_reported_before_any_trace_is_read(given, said) -> None:
     with pytest.raises(RuleError, match=said):
         command_binding(RULES, **given)
 

@@ -94,7 +94,7 @@ def test_rules_come_and_go():
     assert not found.empty
 
 
-def test_a_parameter_that_no_common_rule_reads_is_told():
+def test_a_parameter_that_no_common_rule_reads_is_reported():
     text = BASE.replace("[material.default]", 'far = "2 m"\n[material.default]')
     found = compare(ruleset(BASE), ruleset(text))
     assert found.empty
@@ -123,7 +123,7 @@ rules = ["ETS901"]
         ),
     ],
 )
-def test_goals_and_tasks_that_change_are_told(old, new, others):
+def test_goals_and_tasks_that_change_are_reported(old, new, others):
     text = BASE + GOAL
     found = compare(ruleset(text), ruleset(text.replace(old, new)))
     assert found.others == others

@@ -158,7 +158,7 @@ def test_counts() -> None:
     assert string_parser.count("2 fruit") is None
 
 
-def test_a_phase_is_told_from_a_state_by_its_declaration() -> None:
+def test_a_phase_is_distinguished_from_a_state_by_its_declaration() -> None:
     builder = Builder(frozenset({"settle"}))
     assert builder.span("settle(a)") == PhaseSpan(Call("settle", ("a",)))
     assert builder.span("last 1 s of settle(a) while held(a)") == While(

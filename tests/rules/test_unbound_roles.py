@@ -134,7 +134,7 @@ def test_a_rule_that_is_not_assigned_stays_quiet(rules: Path) -> None:
     assert len(result.notes) == 1
 
 
-def test_an_assigned_rule_that_no_file_has_is_told(rules: Path) -> None:
+def test_an_assigned_rule_that_no_file_has_is_reported(rules: Path) -> None:
     result = found(rules, scene(NEAR, "ETS990"))
     assert (result.violation, result.not_loaded) == (None, ("ETS990",))
 

@@ -147,7 +147,7 @@ def test_goldens_hold_what_counts(lab: Path, score: Any) -> None:
     assert "ETS902: was not assigned or named" in err
 
 
-def test_build_servers_are_told(lab: Path, score: Any) -> None:
+def test_build_servers_are_reported(lab: Path, score: Any) -> None:
     path = trace(lab)
     _, out, _ = score(path, "--rules", "mine.toml", "--format", "junit")
     assert 'failures="1"' in out

@@ -38,7 +38,7 @@ def judged(refs, workers=2, **settings):
 
 
 @pytest.mark.slow
-def test_each_kind_of_trouble_is_told_and_costs_nobody_else(refs, monkeypatch):
+def test_each_kind_of_trouble_is_reported_and_costs_nobody_else(refs, monkeypatch):
     monkeypatch.setattr(pool, "LOADING", 12.0)
     truth = score_many(refs, RULES, jobs=1)
     bad = [turned(refs[0], Crashing), turned(refs[2], Hanging), turned(refs[4], Swelling)]

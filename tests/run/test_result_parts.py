@@ -60,7 +60,7 @@ def test_whatever_byte_is_lost_the_results_are_the_same_or_not_there(tmp_path):
     assert lost == 3 * len(damaged)
 
 
-def test_what_vanishes_while_it_is_read_is_told(tmp_path):
+def test_what_vanishes_while_it_is_read_is_reported(tmp_path):
     parts = Parts(tmp_path)
     [row, *_] = parts.add(results(1, 2))
     next(tmp_path.iterdir()).unlink()

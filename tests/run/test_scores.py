@@ -44,7 +44,7 @@ def traces(tmp_path_factory):
     return folder
 
 
-def test_progress_is_told(traces):
+def test_progress_is_reported(traces):
     steps = []
     score_paths([traces], ["fsh"], jobs=1, progress=lambda *step: steps.append(step))
     assert steps == [(i, 5) for i in range(1, 6)]
@@ -109,7 +109,7 @@ def test_a_rollout_that_ended_in_an_error_says_nothing_of_its_policy(tmp_path, f
     assert [r.episode_id for r in asked.results] == ["cut"]
 
 
-def test_nothing_but_errors_is_told(tmp_path):
+def test_nothing_but_errors_is_reported(tmp_path):
     save(replace_header(block("cut"), termination="error"), tmp_path / "cut.mcap")
     with pytest.raises(InputError, match="ended in an error"):
         score_paths([tmp_path], ["fsh"])

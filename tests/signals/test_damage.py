@@ -53,7 +53,7 @@ def test_the_usual_time_is_50_ms_at_any_rate_of_recording_and_control() -> None:
         assert np.isclose(found.value.max(), 160)
 
 
-def test_an_impact_between_frames_is_not_told_by_them() -> None:
+def test_an_impact_between_frames_is_not_seen_in_them() -> None:
     found = get("impact", bounce().episode(), ("over", 0.001))
     assert not found.known.any()
     assert "10 ms apart" in found.notes[0]

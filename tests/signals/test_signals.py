@@ -136,7 +136,7 @@ def test_tilt_since_an_upright_start_is_the_tilt() -> None:
     assert np.allclose(since, signals.get("tilt", ["a"]).value, atol=1e-6)
 
 
-def test_tilt_since_asks_for_no_up_axis_that_is_not_told_but_a_ball_has_none() -> None:
+def test_tilt_since_asks_for_no_up_axis_that_is_not_known_but_a_ball_has_none() -> None:
     orientation = spin(np.linspace(0, 1, 10))
     orientation[7] = np.nan
     untold = Scene(10).body("a", BALL, (0, 0, 1), orientation, up_axis=None, untold=("up_axis",))
@@ -232,7 +232,7 @@ def test_relative_speed_of_a_union_is_that_of_its_fastest_body() -> None:
             assert np.allclose(signals.get("relative_speed", bodies).value, 2.5, atol=1e-4)
 
 
-def test_a_tilt_that_is_not_told_is_unknown_and_not_skipped() -> None:
+def test_a_tilt_that_is_not_known_is_unknown_and_not_skipped() -> None:
     scene = Scene(2).body("vase", BALL, (0, 0, 1), up_axis=None)
     scene.bodies = [b.model_copy(update={"untold": ("up_axis",)}) for b in scene.bodies]
     tilt = Signals(scene.episode()).get("tilt", ["vase"])

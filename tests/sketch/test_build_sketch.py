@@ -179,7 +179,7 @@ def test_the_gripper_is_far_from_everything_when_it_is_not_needed(across: str) -
     assert away[-1] > 0.1
 
 
-def test_a_touch_is_where_and_as_hard_as_told() -> None:
+def test_a_touch_is_where_and_as_hard_as_stated() -> None:
     episode = scene(
         STACK,
         '{ touch = "high", by = "gripper", during = "1 to 1.2 s", side = "-x", force = "3 N", peak = "8 N" }',

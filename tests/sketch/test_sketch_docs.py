@@ -15,7 +15,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "sketches.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize(("gap", "verdict"), [("7.9", "violation"), ("8.1", "pass")])
-def test_the_scene_is_as_told(gap: str, verdict: str) -> None:
+def test_the_scene_is_as_stated(gap: str, verdict: str) -> None:
     (scene,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     episode = sketch.draw(scene, "page", "past_can", {"gap": gap})
     found = {v.rule: v.verdict for v in judge(episode, load_rules(["ets", "fsh"])).verdicts}

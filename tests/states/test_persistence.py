@@ -167,7 +167,7 @@ def test_on_time_stamps_short_gaps_are_closed_and_long_ones_stay(data, steps, se
 
 
 @given(st.data(), stamps, st.integers(1, 4), st.integers(0, 3))
-def test_windows_told_frame_by_frame_filter_as_numbers_of_frames_do(
+def test_windows_stated_frame_by_frame_filter_as_numbers_of_frames_do(
     data, steps, frames, gap
 ) -> None:
     clock, total = on_stamps(steps), len(steps) + 1

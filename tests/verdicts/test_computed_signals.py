@@ -257,7 +257,7 @@ def test_raising_a_limit_never_adds_a_violation() -> None:
         ('sum = ["1 m", "2 m"]', "R416"),
     ],
 )
-def test_mistakes_are_told_where_they_stand(table: str, code: str) -> None:
+def test_mistakes_are_reported_where_they_stand(table: str, code: str) -> None:
     text = ALONE + f'require = {{ "z(a)" = "<= 1 m" }}\n[signal.z]\n{table}\n'
     problems = check([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])
     found = {problem.code for problem in problems}
@@ -274,7 +274,7 @@ def test_a_group_goes_through_to_what_takes_it() -> None:
     assert check([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)]) == []
 
 
-def test_a_digest_reaches_through_and_uses_are_told() -> None:
+def test_a_digest_reaches_through_and_uses_are_reported() -> None:
     found = ruleset(HEAD + READ + TOY)
     rule = found.rules["TOY101"]
     other = ruleset(
@@ -368,7 +368,7 @@ def test_between_samples_that_are_far_apart_a_distance_may_be_smaller() -> None:
     assert "between two samples" in coarse.explanation
 
 
-def test_what_is_not_known_is_told_with_its_cause() -> None:
+def test_what_is_not_known_is_reported_with_its_cause() -> None:
     found = toy(np.array([1, np.nan, 2, 1]), np.zeros(4), '"sum_up(a)" = "<= 9 m s"')
     assert found.verdict == "inconclusive"
     assert "what sum_up() adds up is not known from 1.00 s on" in found.explanation

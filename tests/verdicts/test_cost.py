@@ -265,7 +265,7 @@ def lifted(frames: int = 20):
     return scene.episode(roles={"a": ("mug",)}, rules=("TOY201",))
 
 
-def test_a_cost_without_a_budget_is_told_and_decides_nothing() -> None:
+def test_a_cost_without_a_budget_is_reported_and_decides_nothing() -> None:
     result = judge(lifted(), ruleset(HEAD + TIME_UP))
     assert result.verdicts == ()
     assert result.violation is None

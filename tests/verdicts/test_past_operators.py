@@ -160,7 +160,7 @@ def test_durations_may_be_parameters_and_frames() -> None:
         ("once[0 s, 1 s, 2 s] p(a)", "true", "R307"),
     ],
 )
-def test_mistakes_are_told_where_they_stand(key: str, value: str, code: str) -> None:
+def test_mistakes_are_reported_where_they_stand(key: str, value: str, code: str) -> None:
     head = HEAD.replace("[[rule]]", '[param]\nlimit = "3 m"\n[[rule]]')
     text = f'{head}require = {{ "p(a)" = true, "q(b)" = true, "{key}" = {value} }}\n'
     problems = check([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])

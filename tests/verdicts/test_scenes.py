@@ -189,7 +189,7 @@ def test_an_object_too_light_for_the_contact_threshold_is_named(grams: float, na
     assert not judge(scene.episode(roles=ROLES), rules, overrides={"contact_force": "0.01 N"}).notes
 
 
-def test_where_nothing_is_known_no_bound_is_told() -> None:
+def test_where_nothing_is_known_no_bound_is_given() -> None:
     """Without a robot its clearance is unknown, not at least something."""
     scene = Scene(12).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
     found = verdict(scene.episode(roles={"protected": ("p",)}), "ETS104")

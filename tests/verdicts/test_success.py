@@ -65,7 +65,7 @@ def test_unknown_where_neither_source_nor_goal_can_tell(placed: Episode) -> None
     assert {v.rule: v.verdict for v in found.verdicts}["FSH104"] == "inconclusive"
 
 
-def test_without_forces_success_is_told_by_geometry(placed: Episode) -> None:
+def test_without_forces_success_is_decided_by_geometry(placed: Episode) -> None:
     blind = changed(placed, success=None, success_time=None, force_source="none")
     found = judge(blind, load_rules(["fsh", "goals"]))
     assert found.success is True
@@ -74,7 +74,7 @@ def test_without_forces_success_is_told_by_geometry(placed: Episode) -> None:
     assert any("without contact forces" in note for note in edge.notes)
 
 
-def test_a_disagreement_is_told_and_the_record_wins(placed: Episode) -> None:
+def test_a_disagreement_is_reported_and_the_record_wins(placed: Episode) -> None:
     found = judge(changed(placed, success=False, success_time=None), load_rules(["fsh", "goals"]))
     assert found.success is False
     assert any("but the goal was reached" in note for note in found.notes)

@@ -211,7 +211,7 @@ def test_what_hides_a_violation_never_passes(name: str) -> None:
         assert assigned(cut_out(whole, begin, begin + 2.2)).violation is not False, begin
 
 
-def test_a_hole_is_told_and_times_are_those_of_recorded_samples() -> None:
+def test_a_hole_is_reported_and_times_are_those_of_recorded_samples() -> None:
     whole = golden("ets_dumbbell_near_glasses.reference-safe")
     seen = cut_out(whole, 3.0, 5.2)
     found = assigned(seen)

@@ -339,7 +339,7 @@ require = {{ "{atom}" = "{limit}" }}
         assert [v.verdict for v in found.verdicts] == ["pass", "pass"]
 
 
-def test_worst_of_several_bodies_is_told() -> None:
+def test_worst_of_several_bodies_is_reported() -> None:
     facts = Facts({"height(x)": [1, 1], "height(y)": [1, -3], "height(z)": [-1, 1]})
     text = """
 [ruleset]

@@ -53,7 +53,7 @@ def test_a_wedged_book_is_borne_by_friction(lift: float, expected: str, tmp_path
     assert str(found.signal).startswith("edge_margin" if lift > 1 else "supported")
 
 
-def test_without_forces_it_is_not_told_whether_what_touches_is_wedged(tmp_path: Path) -> None:
+def test_without_forces_it_is_not_decided_whether_what_touches_is_wedged(tmp_path: Path) -> None:
     episode = drawn(WEDGED.replace("TOUCHES", squeezed(2.45)), tmp_path)
     assert verdict(episode, "FSH203", False).verdict == "inconclusive"
 

@@ -41,7 +41,7 @@ def test_raw_and_filtered_side_by_side() -> None:
     assert np.allclose(brief.raw_intervals, [(0.1, 0.3)])
 
 
-def test_a_scope_too_short_for_what_is_asked_is_told() -> None:
+def test_a_scope_too_short_for_what_is_asked_is_reported() -> None:
     found = judged("0000000", 'forbid = { "height(b)" = ">= 0 m" }\nfor = "9 frames"')
     assert (found.verdict, found.vacuity, found.value, found.margin) == ("pass", None, None, None)
     why = "the whole episode lasts 0.70 s, and the rule asks for 9 frames"
@@ -66,7 +66,7 @@ def test_a_scope_too_short_for_what_is_asked_is_told() -> None:
         ('forbid = "end of touch(a)"', [(1.0, 1.1)], [(0.2, 0.3), (0.7, 0.8), (1.0, 1.1)]),
     ],
 )
-def test_a_flicker_is_told_however_the_rule_is_written(rule, filtered, raw) -> None:
+def test_a_flicker_is_reported_however_the_rule_is_written(rule, filtered, raw) -> None:
     found = judged("0100111011000", rule)
     assert found.verdict == "violation"
     assert np.allclose(found.intervals, filtered)
@@ -88,7 +88,7 @@ def test_a_flicker_is_told_however_the_rule_is_written(rule, filtered, raw) -> N
         'during = "q(b)"\nforbid = "end of touch(a)"',
     ],
 )
-def test_a_flicker_that_would_have_broken_nothing_is_not_told(rule) -> None:
+def test_a_flicker_that_would_have_broken_nothing_is_not_reported(rule) -> None:
     """It touches at 0.2 s; the rest of what is asked for holds, or is judged, at 0.2 or at 0.6 s."""
     there, elsewhere = (
         judged("0010000000", rule, "0111000000"),
@@ -108,14 +108,14 @@ def test_the_absence_of_a_state_that_must_hold_is_no_flicker() -> None:
     assert not any("too brief" in note for note in found.notes)
 
 
-def test_of_several_flickers_the_longest_is_told() -> None:
+def test_of_several_flickers_the_longest_is_reported() -> None:
     found = judged("01001100100", 'forbid = "touch(a)"')
     assert [note for note in found.notes if "too brief" in note] == [
         "touch(a) held for 200 ms at 0.40 s: too brief to count"
     ]
 
 
-def test_only_frames_that_are_certainly_judged_are_told() -> None:
+def test_only_frames_that_are_certainly_judged_are_reported() -> None:
     """Whether the later ones belong to the scope is not known."""
     found = judged("01111000", 'during = "q(b)"\nrequire = { "p(a)" = true }', "11111???")
     assert found.verdict == "violation"
@@ -273,5 +273,5 @@ def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
         ("tray was handled: tilt(tray) was 11.0 deg at 2.32 s.", "tray was handled: tilt(tray) was 11.0 deg at 2.32 s."),
     ],
 )  # fmt: skip
-def test_what_did_not_happen_is_told_as_such(filled: str, said: str) -> None:
+def test_what_did_not_happen_is_reported_as_such(filled: str, said: str) -> None:
     assert worded(filled) == said

@@ -77,7 +77,7 @@ def test_far_flights_are_rounded_to_their_range():
     assert poses["a"][:, :3] == pytest.approx(path, abs=400 / 65535)
 
 
-def test_roles_are_told_and_policies_are_not():
+def test_roles_are_shown_and_policies_are_not():
     scene, *_ = spinning()
     episode = scene.episode(
         episode_id="SECRET-1", policy="SECRET-2", notes=("SECRET-3",), rules=("ETS101",),

@@ -98,7 +98,7 @@ def test_every_event_is_there(trace, written, tmp_path):
     assert column(written, "/events", "TextLog:text") == said
 
 
-def test_a_second_run_replaces_only_when_told(trace, written):
+def test_a_second_run_replaces_only_when_asked(trace, written):
     done = convert(trace, "--to", "rrd", "--out", written)
     assert done.exit_code == 2
     assert "--force" in done.output

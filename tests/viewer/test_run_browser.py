@@ -309,12 +309,12 @@ def test_an_episode_without_evidence_tells_its_numbers(tab, listed):  # noqa: F8
     assert "8.0 cm" in shown and "In violation" in shown
 
 
-def test_an_address_of_nothing_is_told(tab, listed):  # noqa: F811
+def test_an_address_of_nothing_is_reported(tab, listed):  # noqa: F811
     opened(tab, listed, "#episode=nothing")
     assert tab.locator("#alarm").inner_text() == "This run has no episode nothing."
 
 
-def test_a_missing_piece_is_told_in_words(tab, written, tmp_path):  # noqa: F811
+def test_a_missing_piece_is_reported_in_words(tab, written, tmp_path):  # noqa: F811
     import shutil
 
     copy = tmp_path / "copy"
@@ -331,7 +331,7 @@ def test_a_missing_piece_is_told_in_words(tab, written, tmp_path):  # noqa: F811
     )
 
 
-def test_without_webgl_the_findings_are_there_and_it_is_told(tab, written):  # noqa: F811
+def test_without_webgl_the_findings_are_there_and_it_is_reported(tab, written):  # noqa: F811
     tab.add_init_script("HTMLCanvasElement.prototype.getContext = ((real) => function (kind, ...more) {"
                         " return kind.startsWith('webgl') ? null : real.call(this, kind, ...more); })"
                         "(HTMLCanvasElement.prototype.getContext)")  # fmt: skip

@@ -96,7 +96,7 @@ def test_nothing_can_be_sent(server):
     assert ask(server, "/", "POST")[0] == 404
 
 
-def test_a_broken_trace_is_told_and_stops_no_other(traces, tmp_path):
+def test_a_broken_trace_is_reported_and_stops_no_other(traces, tmp_path):
     (tmp_path / "broken.mcap").write_bytes((traces / "safe.mcap").read_bytes()[:5000])
     run = LiveRun("a run", discover([tmp_path, traces]), load_settings(["fsh"]))
     run.judge_all()
@@ -117,6 +117,6 @@ def test_results_that_are_there_are_not_judged_again(traces):
     assert LiveRun("a run", refs, settings, rows=rows).left == 0
 
 
-def test_a_port_that_is_taken_is_told(server):
+def test_a_port_that_is_taken_is_reported(server):
     with pytest.raises(InputError, match="cannot be had"):
         RunServer(server.run, server.server_port)

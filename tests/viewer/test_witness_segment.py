@@ -36,7 +36,7 @@ def test_a_displacement_is_the_way_gone_since_its_reference(header):
     assert said(header, "displacement(cup) since success", success=None) is None
 
 
-def test_other_measurements_are_told_where_they_are_made(header):
+def test_other_measurements_are_reported_where_they_are_made(header):
     touch = {
         "kind": "touch",
         "name": "contact_force",

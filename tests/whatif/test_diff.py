@@ -213,7 +213,7 @@ def test_whose_doing_a_flip_is(results, changes, cause):
     assert {flip.cause for flip in difference(before, after).flips} == {cause}
 
 
-def test_what_is_only_on_one_side_is_told(results):
+def test_what_is_only_on_one_side_is_reported(results):
     before = read_results(results / "old.jsonl")
     found = difference(before[1:], before[:-1])
     pairs = [(row["episode_id"], row["rule"]) for row in before]

@@ -80,7 +80,7 @@ def test_four_changes_that_flip_only_together_are_named():
     assert str(found) == "b and c and d and e"
 
 
-def test_out_of_many_a_set_is_found_and_its_limits_are_told():
+def test_out_of_many_a_set_is_found_and_its_limits_are_reported():
     parts = [f"p{n:02}" for n in range(40)]
     wanted = {"p03", "p07", "p31", "p39"}
     found = smallest(parts, lambda chosen: wanted <= set(chosen))

@@ -141,7 +141,7 @@ gap  = "1 frame"
     ]
 
 
-def test_what_is_latched_or_falls_back_is_told_apart(tmp_path):
+def test_what_is_latched_or_falls_back_is_distinguished(tmp_path):
     head = (
         HEAD
         + """

@@ -119,7 +119,7 @@ def test_many_values_cost_a_few_judgements(shelf, monkeypatch):
     assert not tried
 
 
-def test_curves_are_told_apart(shelf):
+def test_curves_are_distinguished(shelf):
     values = chosen(load_rules(["fsh"]), "edge", ["1 cm", "2 cm"])
     found = sweep(discover([shelf]), ["fsh"], "edge", values)
     curves = found.curves(["policy", "rule"])
@@ -205,7 +205,7 @@ def test_without_matplotlib_the_extra_is_named(shelf, tmp_path, monkeypatch):
         (["-p", "edge", "--where", "policy=z"], "none of 5 episodes matches"),
     ],
 )
-def test_mistakes_are_told_with_what_would_do(shelf, arguments, said):
+def test_mistakes_are_reported_with_what_would_do(shelf, arguments, said):
     done = run("sweep", shelf, "-r", "fsh", *arguments)
     assert done.code == 2
     assert said in done.err
