@@ -164,7 +164,7 @@ class EnvRecording:
             self._close()
 
     def report(self) -> str:
-        """As ``MujocoRecorder.report``, of the episode that is running."""
+        """Report of the episode that is running; see ``MujocoRecorder.report``."""
         return "no episode is running" if self.recorder is None else self.recorder.report()
 
     def _keep_still(self, recorder: RolloutRecorder, last: Any) -> None:

@@ -64,7 +64,7 @@ def vla_eval(benchmark: Any, folder: str | Path, **settings: Any) -> Any:
 
 
 def _attach(env: Any, folder: Path, settings: dict[str, Any]) -> EnvRecording:
-    """As ``wrap``, of an environment that makes its simulation at its first reset."""
+    """Like ``wrap``, for an environment that makes its simulation at its first reset."""
     success, hold = settings.pop("success", None), settings.pop("hold", 0.0)
     still = settings.pop("hold_action", None)
     if hold and still is None:

@@ -1,4 +1,4 @@
-"""What a frame copies of MuJoCo's data, and the columns of a trace that are made of such copies."""
+"""Copies of MuJoCo's data for a frame, and the columns of a trace that are made of them."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class PointRecorder(RolloutRecorder):
     """Whether physics steps between frames are looked at; they are counted in any case."""
 
     def __init__(self, path: Any, told: ToldFacts, frame_dt: float | None, **header: Any) -> None:
-        """As of ``RolloutRecorder``."""
+        """See ``RolloutRecorder``."""
         super().__init__(path, told, frame_dt, **header)
         self._elapsed, self._next = 0.0, -np.inf
         self._seen = 0

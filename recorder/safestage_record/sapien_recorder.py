@@ -249,7 +249,7 @@ class SapienRecorder(PointRecorder):
         self._keep_points(([(pose.p, pose.q) for pose in poses], joints))
 
     def _points(self) -> list[Any]:
-        """Of each point that may touch: impulse, normal, position, distance, and its shapes."""
+        """Row of each point that may touch: impulse, normal, position, distance, and its shapes."""
         rows = []
         for contact in self.physx.get_contacts():
             geoms = None

@@ -96,7 +96,7 @@ def remarks(
     sees_steps: bool,
     unrecorded: int,
 ) -> list[dict[str, str]]:
-    """The same for the header: what is missing or guessed, what it costs, what mends it."""
+    """Remarks for the header: what is missing or guessed, what it costs, what mends it."""
     found = [
         {
             "kind": "guessed",

@@ -77,5 +77,5 @@ def write_zip(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, Any]) -
 
 
 def _member(name: str) -> zipfile.ZipInfo:
-    """The same bytes for the same trace: no time of writing."""
+    """Entry without the time of writing, so that equal traces have equal bytes."""
     return zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))

@@ -14,7 +14,7 @@ import safestage_record  # noqa: E402
 
 
 class Env:
-    """As Gymnasium's: ends by time after 12 steps, reaches its goal in the sixth."""
+    """Stands for Gymnasium's environment: ends by time after 12 steps, reaches its goal in the sixth."""
 
     def __init__(self, key="is_success"):
         self.model, self.data = scene()
@@ -103,7 +103,7 @@ def test_an_episode_without_a_step_is_no_trace(tmp_path):
 
 def test_the_simulation_is_found_further_inside(tmp_path):
     class Holder:
-        """As robosuite's and dm_control's classes hold MuJoCo's."""
+        """Holds MuJoCo's objects like the classes of robosuite and dm_control."""
 
     inner, outer, data, model = Env(), Holder(), Holder(), Holder()
     outer.sim = Holder()

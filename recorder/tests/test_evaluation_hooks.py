@@ -13,7 +13,7 @@ import safestage_record  # noqa: E402
 
 
 class Late:
-    """As LeRobot's environment of LIBERO: its simulation is made at the first reset; it resets itself."""
+    """Stands for LeRobot's environment of LIBERO: its simulation is made at the first reset; it resets itself."""
 
     def __init__(self):
         self._env = None
@@ -31,7 +31,7 @@ class Late:
 
 
 class Vector:
-    """As Gymnasium's SyncVectorEnv."""
+    """Stands for Gymnasium's SyncVectorEnv."""
 
     def __init__(self, count):
         self.envs = [Late() for _ in range(count)]
@@ -70,7 +70,7 @@ def test_environments_in_other_processes_are_refused(tmp_path):
 
 
 class Benchmark:
-    """As a StepBenchmark of vla-eval."""
+    """Stands for a StepBenchmark of vla-eval."""
 
     def __init__(self):
         self._env, self.cleaned = None, False

@@ -15,7 +15,7 @@ SLAB = [{"kind": "box", "size": (0.5, 0.5, 0.02)}]
 
 
 class Tensor:
-    """As a tensor on a GPU: numbers only after ``cpu``."""
+    """Stands for a tensor on a GPU: numbers only after ``cpu``."""
 
     def __init__(self, values):
         self._values = np.array(values, np.float32)

@@ -138,7 +138,7 @@ def test_every_number_is_the_simulators(tmp_path, monkeypatch, option, frame_dt)
 
 
 def test_steps_in_two_halves_keep_the_forces_of_the_step(tmp_path):
-    """As dm_control steps: contacts are found anew after the step, without forces."""
+    """dm_control steps so: contacts are found anew after the step, without forces."""
     model, data = scene()
     twin = mujoco.MjData(model)
     mujoco.mj_forward(model, twin)
@@ -315,7 +315,7 @@ def test_a_reset_within_a_recording_is_refused(tmp_path):
 
 
 def test_an_arm_that_a_mocap_body_leads_is_a_robot(tmp_path):
-    """As Gymnasium's Fetch is moved, where its fingers are locked."""
+    """Gymnasium's Fetch is moved so, with its fingers locked."""
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody>
         <body name="lead" mocap="true" pos="0 0 .5"/>
@@ -342,7 +342,7 @@ def tensor(body):
 
 
 def test_parts_that_no_joint_joins_are_one_thing(tmp_path):
-    """As Meta-World's models have a thing's shapes on a body of their own."""
+    """Meta-World's models have an object's shapes on a body of their own."""
     shape = '<geom type="box" size=".03 .02 .01" pos=".01 0 .02" euler="0 0 30" mass=".2"/>'
     post = '<geom type="box" size=".01 .01 .05" mass=".1"/>'
     split = f"""<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="nut" pos="0 0 .1">

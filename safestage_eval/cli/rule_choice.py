@@ -53,7 +53,7 @@ _SET = click.option(
 
 @dataclass(frozen=True)
 class RuleChoice:
-    """What a command line chooses to judge by. False where it chooses nothing.
+    """The choices of a command line about what judges. False where it chooses nothing.
 
     Attributes:
         rules: paths, folders or built-in names, as given.

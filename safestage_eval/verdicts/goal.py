@@ -157,7 +157,7 @@ def _needs(
 def _parts(
     rules: ast.RuleSet, condition: ast.Condition, env: dict[str, str]
 ) -> Iterator[tuple[ast.Atom, dict[str, str]]]:
-    """Of a condition: the states in it are taken apart as long as they hold just when their condition does."""
+    """Parts of a condition: the states in it are taken apart as long as they hold just when their condition does."""
     for atom in condition.atoms:
         if isinstance(atom, ast.SignalAtom):
             yield atom, env

@@ -36,7 +36,7 @@ class Cosmos3(Dialect):
         return "exterior_left", "exterior_right", "wrist"
 
     def request(self, observation: Observation, session: str) -> dict[str, Any]:
-        """As RoboLab's client sends it."""
+        """A request in the form of RoboLab's client."""
         left, right, wrist = (
             resize_with_pad(observation.images[name], *SIZE) for name in self.cameras
         )

@@ -165,7 +165,7 @@ def received(
 
 
 def read_state(request: dict[str, Any], views: Images, *, moments: bool = False) -> Observation:
-    """As ``received``, from openpi's keys."""
+    """Like ``received``, from openpi's keys."""
     joints, gripper = (request[f"observation/{key}_position"] for key in ("joint", "gripper"))
     return received(joints, gripper, request["prompt"], views, moments=moments)
 

@@ -61,7 +61,7 @@ class Groot(Dialect):
 
     @property
     def lookback(self) -> tuple[int, ...]:
-        """As the address or the server says."""
+        """Earlier pictures to send, stated by the address or by the server."""
         return self.history or ()
 
     def question(self) -> dict[str, Any] | None:
@@ -99,7 +99,7 @@ class Groot(Dialect):
 
     @property
     def style(self) -> Style:
-        """As the address says."""
+        """Coding of messages, stated by the address."""
         return self.coding
 
     @property

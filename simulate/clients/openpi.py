@@ -43,7 +43,7 @@ class Openpi(Dialect):
         return self.camera, "wrist"
 
     def request(self, observation: Observation, session: str) -> dict[str, Any]:  # noqa: ARG002
-        """As ``examples/droid/main.py`` sends it."""
+        """A request in the form of ``examples/droid/main.py``."""
         images = observation.images
         return {
             "observation/exterior_image_1_left": resize_with_pad(images[self.camera], SIDE, SIDE),

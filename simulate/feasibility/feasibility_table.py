@@ -14,7 +14,7 @@ SHARE_KEPT = 0.95
 LEAST_ROOM = 0.2
 """Share of a limit by which references should keep clear of it, on either side."""
 LEAST_GOAL_ROOM = 0.1
-"""Likewise of the goal's: half, for the arm stops as soon as it is met, and what was pushed has just arrived."""
+"""Margin of the goal: half, for the arm stops as soon as it is met, and what was pushed has just arrived."""
 
 
 def page(trials: Sequence[Trial]) -> str:

@@ -27,7 +27,7 @@ OBSOLETE = {
 """Attributes of older MuJoCo versions that newer ones refuse, and that do not change the physics."""
 
 UNREADABLE = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
-"""What MuJoCo raises on models that it cannot use: some faults are only its "unknown exception"."""
+"""Exceptions of MuJoCo on models that it cannot use: some faults are only its "unknown exception"."""
 
 ONLY_SEEN = ("visual", "statistic", "keyframe", "sensor", "custom")
 """Sections that no contact depends on."""

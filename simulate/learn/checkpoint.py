@@ -18,7 +18,7 @@ ABOUT = "safestage"
 """Key of the file's metadata under which stands what acting needs to know, as JSON."""
 INPUTS = ("arm", "objects", "start", "prompt", "clock", "noise")
 PICTURE_INPUTS = ("arm", "prompt", "clock", "noise", "pictures", "first")
-"""The same of a network that sees pictures instead of poses."""
+"""Inputs of a network that sees pictures instead of poses."""
 
 
 def shipped() -> tuple[str, ...]:

@@ -21,7 +21,7 @@ Spread = Callable[[Work, Sequence[EpisodeRef]], Iterable[object]]
 
 @dataclass(frozen=True)
 class Exported:
-    """What became of recordings.
+    """Outcome of an export of recordings.
 
     Attributes:
         kept: episodes in the dataset.

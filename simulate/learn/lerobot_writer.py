@@ -200,7 +200,7 @@ def _column(values: NDArray[Any]) -> pa.Array:
 
 
 def _statistics(values: NDArray[Any]) -> dict[str, Any]:
-    """Of each column of (N, W) or (N,): least, greatest, mean, deviation, quantiles; and N."""
+    """Statistics of each column of (N, W) or (N,): least, greatest, mean, deviation, quantiles; and N."""
     table = values.reshape(len(values), -1).astype(np.float64)
     result = {
         "min": table.min(0), "max": table.max(0), "mean": table.mean(0), "std": table.std(0),

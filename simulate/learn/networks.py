@@ -115,7 +115,7 @@ class Head(nn.Module):  # type: ignore[misc]
 
 
 class Network(nn.Module, ABC):  # type: ignore[misc]
-    """What the three have in common.
+    """Base of the three networks.
 
     Attributes:
         chunk: control steps of an answer.
@@ -147,7 +147,7 @@ class Network(nn.Module, ABC):  # type: ignore[misc]
 
     @abstractmethod
     def loss(self, inputs: Inputs, target: Tensor, mask: Tensor) -> Tensor:
-        """Of answers (B, chunk, ANSWER), positions from the TCP, where ``mask`` (B, chunk) is 1."""
+        """Loss of answers (B, chunk, ANSWER), positions from the TCP, where ``mask`` (B, chunk) is 1."""
 
 
 class BehaviourCloning(Network):

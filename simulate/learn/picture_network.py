@@ -91,7 +91,7 @@ class PictureChunks(Network):
         return self._answered(*self._found(inputs), noise)
 
     def loss(self, inputs: Inputs, target: Tensor, mask: Tensor) -> Tensor:
-        """Of the answers, as ACT's, and of where the objects are."""
+        """Loss of the answers, as in ACT, plus loss of the objects' places."""
         found, seen, likely = self._found(inputs)
         there = inputs["objects"][..., 9]
         told = {**inputs, "objects": inputs["objects"], "start": inputs["start"]}

@@ -1,4 +1,4 @@
-"""What a policy that acts from pictures sees: which cameras, how large, and how they are laid out."""
+"""Pictures that a policy acts from: which cameras, how large, and how they are laid out."""
 
 from __future__ import annotations
 

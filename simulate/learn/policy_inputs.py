@@ -1,4 +1,4 @@
-"""What networks are given, and what their answers mean: arrays in the frame of the arm's base."""
+"""Inputs of networks, and the meaning of their answers: arrays in the frame of the arm's base."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from safestage_eval.errors import InputError
 SLOTS = 7
 """Objects in the fullest scene of the benchmark."""
 SLOT = ("x", "y", "z", "qw", "qx", "qy", "qz", "there")
-"""Of each slot: m from the arm's base, wxyz, and 1 where there is an object; an empty slot is all 0."""
+"""Numbers of a slot: m from the arm's base, wxyz, and 1 where there is an object; an empty slot is all 0."""
 SLOT_NAMES = tuple(f"slot{i}_{part}" for i in range(SLOTS) for part in SLOT)
 
 

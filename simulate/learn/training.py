@@ -34,7 +34,7 @@ be answered stays where it is, so this shows how to come back."""
 OPEN = 0.85
 """Opening from which on nothing is held."""
 SAFE_SHARE = 0.6
-"""Of a batch; a third of these under the specific prompt, so that the others see as many safe as unsafe ways."""
+"""Share of safe ways in a batch; a third of these under the specific prompt, so that the others see as many safe as unsafe ways."""
 
 
 PICTURES = "act_pictures"
@@ -221,7 +221,7 @@ def train(
 
 
 def measured(network: Network, batches: Batches) -> dict[str, float]:
-    """What the network answers on episodes held back: mean distance (mm), and gripper right (share)."""
+    """Errors of the network on episodes held back: mean distance (mm), and gripper right (share)."""
     inputs, target, mask = batches.held()
     with torch.no_grad():
         noise = torch.zeros(len(mask), max(network.noise, 1), device=mask.device)

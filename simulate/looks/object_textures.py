@@ -19,7 +19,7 @@ STICKERS: tuple[Color, ...] = (
     (0.75, 0.1, 0.12), (0.1, 0.3, 0.7), (0.95, 0.85, 0.15),
     (0.9, 0.45, 0.1), (0.1, 0.55, 0.25), (0.94, 0.94, 0.94),
 )  # fmt: skip
-"""Of a cube's sides, in the order of ``shells.SIDES``."""
+"""Names of a cube's sides, in the order of ``shells.SIDES``."""
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Look:
 
 
 def look_numbers(task: str, seed: int) -> tuple[int, int]:
-    """What the look of a task's scene is drawn from: the same for all rollouts of an environment seed."""
+    """Seed of the look of a task's scene, equal for all rollouts of an environment seed."""
     return zlib.crc32(task.encode()), seed
 
 

@@ -35,7 +35,7 @@ class Shell:
     faces: NDArray[np.int64]
 
     def moved(self, position: Sequence[float], orientation: Sequence[float]) -> Shell:
-        """The same elsewhere; orientation wxyz, applied first."""
+        """This shell moved elsewhere; orientation wxyz, applied first."""
         w, x, y, z = orientation
         turn = np.array(
             [

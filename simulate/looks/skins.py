@@ -1,4 +1,4 @@
-"""What an object looks like: shells with textures about the shapes that it collides with."""
+"""Looks of objects: shells with textures about the shapes that it collides with."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _shell(shape: Shape, model: ObjectModel) -> Shell:
 
 
 def _flat_ends(shell: Shell) -> Shell:
-    """The same with the texture laid flat over level discs, where it would run to the middle."""
+    """A turned profile with the texture laid flat over level discs, where it would run to the middle."""
     level = np.abs(shell.normals[:, 2]) > 0.999
     inside = np.unique(shell.faces[level[shell.faces].all(axis=1)])
     uv = shell.uv.copy()
@@ -171,7 +171,7 @@ def _neck(shape: Shape, model: ObjectModel) -> float | None:
 def _profile(
     radius: float, half: float, neck: float | None, model: ObjectModel
 ) -> list[tuple[float, float]]:
-    """Of a cylinder: a rounded edge, a can's rims, or a bottle's shoulder."""
+    """Profile of a cylinder: a rounded edge, a can's rims, or a bottle's shoulder."""
     edge = min(0.0015, 0.3 * half, 0.3 * radius)
     low = [(0.0, -half), (radius - edge, -half), (radius, -half + edge)]
     if neck is not None:

@@ -36,7 +36,7 @@ POLICIES = (
 PROTOCOL is one of ``clients.address.PROTOCOLS``, as in ``openpi:ws://127.0.0.1:8000?name=pi05``."""
 
 BUILT_IN = ("reference", "noisy", "demonstration", "learned", "replay")
-"""What comes before a colon in names of this package's own policies; anything else is an import path."""
+"""Prefixes, before a colon, in names of this package's own policies; anything else is an import path."""
 
 
 def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:

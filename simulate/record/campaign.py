@@ -23,7 +23,7 @@ class Campaign(Strict):
     """A campaign: every combination is recorded."""
 
     policies: tuple[str, ...] = Field(min_length=1)
-    """As ``--policy`` takes them."""
+    """Names of policies, in the form of ``--policy``."""
     prompts: tuple[Literal["default", "generic", "specific"], ...] = Field(
         ("default",), min_length=1
     )

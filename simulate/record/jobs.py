@@ -278,7 +278,7 @@ def recorded_ids(folder: Path) -> set[str]:
 
 
 def _ids(folder: Path) -> tuple[set[str], set[str]]:
-    """As ``recorded_ids``; and the ids of those that ended in an error."""
+    """Like ``recorded_ids``, and the ids of those that ended in an error."""
     if not folder.exists():
         return set(), set()
     try:

@@ -64,7 +64,7 @@ class Setting:
 
     @property
     def look(self) -> tuple[int, int]:
-        """What cameras, room and light are drawn from: the same for all rollouts of a seed."""
+        """Seed of cameras, room and light, equal for all rollouts of an environment seed."""
         return look_numbers(self.task.id, self.seed)
 
     def episode_id(self, policy: str) -> str:

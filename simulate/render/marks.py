@@ -127,7 +127,7 @@ def frame_at(episode: Episode, time: float) -> int:
 
 
 def _shortened(text: str, width: int) -> str:
-    """As much of the text as fits, with "…" at its end."""
+    """The start of the text that fits, with "…" at its end."""
     while text and _font().getlength(text + "…") > width - 2 * MARGIN:
         text = text[:-1]
     return text.rstrip() + "…"
