@@ -6,8 +6,8 @@ Run it in the simulator's own environment, with ``recorder/`` on PYTHONPATH. The
 frames alone, every physics step) take turns, an episode of control steps at a time, on one
 environment and with the same actions. Processor time of this process per control step, all that turns frames into
 arrays and writes them while the episode runs included: the median over the turns, each compared with the mean of
-the two turns of "nothing" around it. By how much those two differ is what can be told. What begins and
-ends an episode, its file included, is told apart.
+the two turns of "nothing" around it. By how much those two differ is what can be measured. What begins and
+ends an episode, its file included, is measured separately.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Colours can be read: contrast by WCAG 2.2; verdicts and roles are told apart by colour-blind readers."""
+"""Colours can be read: contrast by WCAG 2.2; colour-blind readers can distinguish verdicts and roles."""
 
 import re
 from pathlib import Path

@@ -219,7 +219,7 @@ class MujocoRecorder(RolloutRecorder):
         return True
 
     def _take_frame(self) -> None:
-        """Keep a frame of what belongs to the moment that was told last."""
+        """Keep a frame of what belongs to the moment that was reported last."""
         if self._take_moment(self._moment):
             self._waiting.append(self._views.copy(self._joint_state))
             self._contact_log.end_frame(None if self._taken else self._copy_contacts())

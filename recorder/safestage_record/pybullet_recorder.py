@@ -332,14 +332,14 @@ class PyBulletRecorder(PointRecorder):
         }
 
     def _place(self, told: Sequence[Any], bodies: Sequence[int]) -> tuple[Any, Any, Any, Any]:
-        """(T, L, 3 or 4) positions, wxyz and velocities of the frames of links, of what ``_ask`` was told."""
+        """(T, L, 3 or 4) positions, wxyz and velocities of the frames of links, for the bodies given to ``_ask``."""
         poses = np.array(told).reshape(len(told), -1, 13)
         position, quats = poses[..., :3], poses[..., 3:7][..., _XYZW]
         linear, angular = poses[..., 7:10].copy(), poses[..., 10:]
         links = [i for i, (body, _) in enumerate(self._links) if body in bodies]
         for k, i in enumerate(links):
             centre, turned = self._centres[i]
-            if self._links[i][1] < 0:  # a base is told by its centre of mass, a link by its frame
+            if self._links[i][1] < 0:  # a base is placed by its centre of mass, a link by its frame
                 away = turned * np.array([1, -1, -1, -1])
                 quats[:, k] = multiply(quats[:, k], np.broadcast_to(away, quats[:, k].shape))
                 position[:, k] -= turn(quats[:, k], np.broadcast_to(centre, position[:, k].shape))

@@ -147,7 +147,7 @@ def _write(
 ) -> None:
     """Write batches as one trace."""
     last = batches[-1]["action"]
-    for batch in batches:  # frames before the first action was told
+    for batch in batches:  # frames before the first action was reported
         if batch["action"].shape[1] != last.shape[1]:
             batch["action"] = np.repeat(last[:1], len(batch["t"]), axis=0)
     arrays = {

@@ -60,7 +60,7 @@ def serve(pipe: Connection, answer: Callable[[EpisodeRef], Any]) -> None:
                 pipe.send(answer(ref))
                 bound.hold()
     except (EOFError, OSError):
-        return  # nobody is there any more to be told
+        return  # nobody is there any more to answer
 
 
 def line_of(result: EpisodeResult | Problem) -> Line | Problem:

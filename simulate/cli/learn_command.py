@@ -31,7 +31,7 @@ def export(traces: tuple[str, ...], out: Path, failures: bool, jobs: int) -> Non
     """Write recorded rollouts as a LeRobot dataset (v3): what was seen, commanded and asked, at 15 Hz.
 
     TRACES are files or folders that `safestage record` wrote. Episodes end at their success. Each is
-    judged by its task's own rules, so that safe and unsafe ways can be told apart:
+    judged by its task's own rules, so that safe and unsafe ways can be distinguished:
     `safestage.violation` in meta/episodes. There are no pictures (`learn pictures` draws some);
     `observation.environment_state` has a slot for each object's pose.
 

@@ -1,4 +1,4 @@
-"""Failures of commands are told in one line, with exit code 2."""
+"""Failures of commands are reported in one line, with exit code 2."""
 
 import errno
 import os

@@ -181,7 +181,7 @@ def read_only(victim: Victim, chance: random.Random, place: Path) -> Row:
 def campaign(
     asked: argparse.Namespace, place: Path, write: Callable[[list[Row]], None]
 ) -> list[Row]:
-    """Everything, of which ``write`` is told after each row. Each writer is killed and has its faults; what only reads has a few of each."""
+    """All faults; ``write`` is called after each row. Each writer is killed and has its faults; what only reads has a few of each."""
     chance = random.Random(asked.seed)
     source = prepared(place)
     scorer = Scorer(source)

@@ -133,7 +133,7 @@ def jumping_clock(victim: Victim, times: int, chance: random.Random, place: Path
 
 
 def ended(row: Row, code: int, child: Child) -> None:
-    """A fault is told in words, and the exit code is that of bad input: no traceback."""
+    """A fault is reported in words, and the exit code is that of bad input: no traceback."""
     text = child.log.read_text("utf-8", "replace")
     if code not in (0, 1, 2) or "Traceback (most recent call last)" in text:
         row.next_failed += 1

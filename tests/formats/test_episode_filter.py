@@ -1,4 +1,4 @@
-"""Which episodes are meant, and what is told where none is."""
+"""Which episodes are meant, and what is said where none is."""
 
 from pathlib import Path
 

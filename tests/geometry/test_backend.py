@@ -59,7 +59,7 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_slack_leaves_no_limit_open() -> None:
-    """A trembling block: what slack widens is told, and measured again it is decided rightly."""
+    """A trembling block: what slack widens is marked, and measured again it is decided rightly."""
     rng = np.random.default_rng(0)
     tremble = rng.normal(size=(400, 3)) * 1e-6
     turn = np.tile([1.0, 0, 0, 0], (400, 1))

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a foreign file is told in words, and never becomes a trace that is broken."""
+"""Whatever is wrong with a foreign file is reported in words, and never becomes a trace that is broken."""
 
 import h5py
 import numpy as np
@@ -12,7 +12,7 @@ from safestage_eval.importers import Settings, import_all, load_map
 from safestage_eval.importers.hdf5 import datasets
 
 DAMAGES = ("gone", "short", "narrow", "nan", "text", "flat")
-"""An actor that is gone is simply not there; any other damage is told."""
+"""An actor that is gone is simply not there; any other damage is reported."""
 
 
 def scene():

@@ -26,7 +26,7 @@ FOLDER = [builtin_folder() / "examples"]
 SKETCHES = sorted(path.stem for path in FOLDER[0].glob("*.toml"))
 EXAMPLES = {
     # sketch: (rule, verdict, verdict per layout); "?" is inconclusive. Whether the hand has what it
-    # takes off is told by its path (RoboLab); without that a hand may have had it all the time.
+    # takes off is inferred from its path (RoboLab); without that a hand may have had it all the time.
     "bottle_taken_off_first": ("ISH101", "pass", "p???"),
     "can_from_under_bottle": ("ISH101", "violation", "v???"),
     "obstacle_swept_off_step": ("ETS103", "violation", "v???"),

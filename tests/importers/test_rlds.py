@@ -1,4 +1,4 @@
-"""RLDS datasets: what they hold comes through, and what is damaged or hostile is told in words."""
+"""RLDS datasets: what they hold comes through, and what is damaged or hostile is reported in words."""
 
 import json
 from pathlib import Path

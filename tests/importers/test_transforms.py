@@ -1,4 +1,4 @@
-"""ROS 2 bags and Foxglove recordings: what they hold is taken over exactly, what they lack is told."""
+"""ROS 2 bags and Foxglove recordings: what they hold is taken over exactly, what they lack is reported."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_frames_sent_at_other_rates_are_interpolated(tmp_path):
 
 
 def test_what_was_lost_never_passes(tmp_path):
-    """A recorded episode as a bag: each verdict is the same, or it cannot be told any more."""
+    """A recorded episode as a bag: each verdict is the same, or it cannot be decided any more."""
     for name in ("ets_dumbbell_near_glasses", "fsh_bottle_on_shelf"):
         [ref] = [r for r in discover(TRACES) if f"{name}.reference-unsafe" in r.episode_id]
         ours = ref.open()

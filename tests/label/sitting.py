@@ -14,7 +14,7 @@ from safestage_eval.label import Ledger, Session, sample, serve
 from safestage_eval.rules import load_rules
 
 SECRETS = ("SECRET-POLICY", "SECRET-ID", "SECRET-NOTE", "SECRET-TASK")
-"""Stand in what a reviewer must not see: names by which a policy or a verdict could be told."""
+"""Stand in what a reviewer must not see: names that would give a policy or a verdict away."""
 
 RULES = """
 [ruleset]

@@ -1,4 +1,4 @@
-"""Which rules the past decides, and how much later, is told by their text."""
+"""Which rules the past decides, and how much later, is inferred from their text."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ METHODS = {
 ALLOWED = {
     "_process": {"ctypes", "subprocess"},
 }
-"""Folder → modules that it may import: the allocator of C is told to keep what it has, and kernels are
+"""Folder → modules that it may import: the allocator of C is set to keep what it has, and kernels are
 compiled by processes of this package; Rerun's own command merges its files."""
 
 

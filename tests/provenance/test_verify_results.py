@@ -1,4 +1,4 @@
-"""Results that are those of the traces are verified; any that are not are told of."""
+"""Results that are those of the traces are verified; any that are not are reported."""
 
 import json
 import random

@@ -182,7 +182,7 @@ def test_a_long_run_goes_through_processes_and_disk(traces, monkeypatch):
 
 @pytest.mark.slow
 def test_the_command_keeps_and_takes_up(traces, tmp_path):
-    """Same bytes out, whatever was kept; the sample is told."""
+    """Same bytes out, whatever was kept; the sample is reported."""
     plain = [run("score", traces, "-r", "fsh", "-f", form) for form in ("json", "csv", "jsonl")]
     kept = tmp_path / "kept"
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""A fall is told by the height lost, at any rate: what no frame shows is unknown, not nothing."""
+"""A fall is recognised by the height lost, at any rate: what no frame shows is unknown, not nothing."""
 
 import zlib
 from dataclasses import replace

@@ -13,7 +13,7 @@ def found(
 
 
 def follows(other: Verdict, *causes: Verdict) -> str | None:
-    """Whose consequence the other is, in whatever order they are told."""
+    """Whose consequence the other is, in whatever order they are given."""
     orders = [[*causes, other], [other, *causes], [*reversed(causes), other]]
     values = {
         next(v for v in with_consequences(order) if v.rule == other.rule).consequence_of

@@ -40,7 +40,7 @@ def let_go_in_pulses(seed: int, frames: int = 96) -> Episode:
 
 
 def live(episode: Episode) -> float | None:
-    """The time of success, as a recorder that looks every ``STEP`` frames is told it."""
+    """The time of success, for a recorder that looks every ``STEP`` frames."""
     monitor, recording = GoalMonitor.of(episode.header), growing(episode)
     assert monitor.window_frames is not None
     for now in range(STEP, len(episode) + 1, STEP):

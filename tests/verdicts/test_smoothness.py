@@ -213,7 +213,7 @@ def test_mistakes_in_new_operations_are_reported(text, code) -> None:
     ],
 )
 def test_flip_values_of_what_new_operations_compute(condition, param, value) -> None:
-    """Wherever a verdict is told for a value of a parameter, judging with that value says the same."""
+    """Wherever a verdict is stated for a value of a parameter, judging with that value says the same."""
     episode = cubic(60.0)
     unit = {"jerk": "m/s^3", "number": "", "length": "m", "ratio": "%", "time": "s"}
     dimension = value.dimension if isinstance(value, Quantity) else "time"

@@ -524,7 +524,7 @@ def test_what_is_decided_stays_so_whatever_the_unknown_turns_out_to_be(
 def test_a_truncated_trace_is_never_judged_differently_from_the_whole(
     rule: str, texts: list[str], data: st.DataObject
 ) -> None:
-    """Neither a run that is still too short at the cut, nor a gap that may yet be closed, is told."""
+    """Neither a run that is still too short at the cut, nor a gap that may yet be closed, is reported."""
     stop = data.draw(st.integers(5, 12))  # the baseline is there
     text = f"{rule}\n{'' if 'q(b)' in rule and 'p(a)' in rule else BOTH}\n{MORE}"
 

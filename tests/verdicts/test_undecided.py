@@ -127,7 +127,7 @@ def test_a_role_is_not_bound() -> None:
 
 
 def test_nothing_was_recorded_for_a_while() -> None:
-    """Frames that stand for a hole in the clock are told as such."""
+    """Frames that stand for a hole in the clock are reported as such."""
     from types import SimpleNamespace
 
     from safestage_eval.verdicts.undecided import _hole

@@ -1,4 +1,4 @@
-"""Each kind of mistake on small rules: which are made, which are told apart, which are left out."""
+"""Each kind of mistake on small rules: which are made, which are distinguished, which are left out."""
 
 import pytest
 

@@ -109,7 +109,7 @@ def test_pictures_are_of_the_moments_that_they_should_be_of(
         )  # a frame holds the moment of its last physics step
         assert seen.joint_position == pytest.approx(between, abs=1e-3), "of the frames' moment"
     moved = np.ptp([seen.joint_position[0] for seen in asked])
-    assert moved > 0.1, "so that a moment could be told from another"
+    assert moved > 0.1, "so that a moment could be distinguished from another"
 
 
 def test_groots_server_is_asked_which_moments_it_wants(monkeypatch: pytest.MonkeyPatch) -> None:

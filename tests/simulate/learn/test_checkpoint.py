@@ -1,4 +1,4 @@
-"""Shipped checkpoints: they load, say what they are, and are small; others are told."""
+"""Shipped checkpoints: they load, say what they are, and are small; others are refused."""
 
 from __future__ import annotations
 
