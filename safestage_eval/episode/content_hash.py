@@ -10,7 +10,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from .body import Body
+from .body import Body, Joint
 from .contacts import ContactTable
 from .frames import RobotFrames
 from .header import Header
@@ -54,21 +54,26 @@ def content_hash(
     return digest.hexdigest()
 
 
-_BODIES: list[tuple[tuple[Body, ...], str]] = []
-"""Bodies that were met last, and their JSON."""
+_SCENES: list[tuple[tuple[Body, ...], tuple[Joint, ...], object, str]] = []
+"""Bodies, joints and steps of scenes that were met last, and their JSON."""
 
 
 def scene_text(header: Header) -> str:
-    """JSON of what the header says of the scene: bodies, joints, time steps, gravity."""
-    known = next((text for bodies, text in _BODIES if bodies is header.bodies), None)
-    if known is None:
+    """JSON of what the header says of the scene: bodies, joints, time steps, gravity.
+
+    The same text as before for the same objects: those of stored episodes share them.
+    """
+    steps = header.physics_dt, header.frame_dt, header.control_dt, header.gravity
+    for bodies, joints, others, text in _SCENES:
+        if bodies is header.bodies and joints is header.joints and others == steps:
+            return text
+    scene = {
         # without defaults: a field that a later minor adds must not change older hashes
-        plain = [
+        "bodies": [
             body.model_dump(mode="json", exclude=_DESCRIPTIVE, exclude_defaults=True)
             for body in header.bodies
         ]
-        known = json.dumps(plain, sort_keys=True)
-        _BODIES[:] = [(header.bodies, known), *_BODIES[:3]]
+    }
     rest = {
         "physics_dt": header.physics_dt,
         "frame_dt": header.frame_dt,
@@ -76,4 +81,6 @@ def scene_text(header: Header) -> str:
         "gravity": header.gravity,
         "joints": [joint.model_dump(mode="json", exclude_defaults=True) for joint in header.joints],
     }
-    return f'{{"bodies": {known}, {json.dumps(rest, sort_keys=True)[1:]}'
+    text = f"{json.dumps(scene, sort_keys=True)[:-1]}, {json.dumps(rest, sort_keys=True)[1:]}"
+    _SCENES[:] = [(header.bodies, header.joints, steps, text), *_SCENES[:7]]
+    return text

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from hashlib import sha256
 from typing import Any
 
@@ -34,13 +35,17 @@ def crc(values: NDArray[Any]) -> str:
         return ""
     if values.dtype.kind in "iu" and values.dtype.itemsize > 1:
         values = values.astype("<i4", copy=False)
-    return f"{crc32(np.ascontiguousarray(values).view(np.uint8).reshape(-1)):08x}"
+    return f"{crc32(np.ascontiguousarray(values)):08x}"
 
 
 def seal(content_hash: str, header: Header, digests: object) -> str:
     """Return the SHA-256 (hex) that binds a content hash to the scene and to digests (JSON)."""
-    text = json.dumps([content_hash, scene_text(header), digests], sort_keys=True)
-    return sha256(text.encode()).hexdigest()
+    parts = json.dumps(content_hash), _quoted(scene_text(header)), json.dumps(digests, sort_keys=True)
+    return sha256(f"[{', '.join(parts)}]".encode()).hexdigest()
+
+
+_quoted = lru_cache(8)(json.dumps)
+"""JSON of a text that episodes share."""
 
 
 def sealed(episode: Episode, digests: object) -> str:

@@ -25,13 +25,19 @@ def numbers(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArr
     """Return a column of numbers as (rows,) array of dtype. Raises TraceError for other types."""
     parts = [raw_values(chunk) for chunk in table[column].chunks] or [np.zeros(0, dtype)]
     values = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    if values.dtype.kind not in "iuf":
-        raise TraceError(where, f"the column {column!r} holds {table[column].type}.", "numbers")
-    if values.dtype == dtype:
-        return values
-    if np.dtype(dtype).kind in "iu" and values.dtype.kind == "f":
+    check_numbers(values, column, table[column].type, dtype, where)
+    return values.astype(dtype, copy=False)
+
+
+def check_numbers(
+    values: NDArray[Any], column: str, held: pa.DataType, dtype: DTypeLike, where: str
+) -> None:
+    """Raise TraceError where the values of a column, of Arrow type ``held``, cannot become numbers of dtype."""
+    kind = values.dtype.kind
+    if kind not in "iuf":
+        raise TraceError(where, f"the column {column!r} holds {held}.", "numbers")
+    if kind == "f" and len(values) and np.dtype(dtype).kind in "iu":
         raise TraceError(where, f"the column {column!r} has gaps or fractions.", f"{dtype}")
-    return values.astype(dtype)
 
 
 def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray[Any]:

@@ -113,10 +113,11 @@ class _StoredEpisode:
         names = [name for name in geometry.names if name != "episode_index"]
         shapes = self.few(geometry.rows(names, self.index))
         current().demand("geoms", len(shapes), self.where)
-        text = self.row.get("bodies")
+        text = self.row.get("bodies"), self.row.get("joints")
         scene = find_scene(text, shapes)
         rows = [] if scene else shapes.to_pylist()
-        header = from_row(self.row, rows, self.where, scene and scene.bodies)
+        known_parts = {} if scene is None else {"bodies": scene.bodies, "joints": scene.joints}
+        header = from_row(self.row, rows, self.where, known_parts)
         self.frames_table = self.table("frames")
         t = self.time()
         if self.checked:
@@ -217,7 +218,7 @@ class _StoredEpisode:
 
     def in_order(self, frame: NDArray[np.int32], owner: str, rows: int) -> None:
         """Raise TraceError for rows that are not those of frames 0, 1, 2, and so on."""
-        if len(frame) != rows or (frame[:, 0] != np.arange(rows, dtype=frame.dtype)).any():
+        if len(frame) != rows or (frame != np.arange(rows, dtype=frame.dtype)).any():
             raise TraceError(
                 self.where,
                 f"{owner} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",
@@ -226,7 +227,7 @@ class _StoredEpisode:
 
     def time(self) -> NDArray[np.float64]:
         frame, t = self.frames_table.blocks((_FRAME, _TIME), self.index)
-        self.in_order(frame, "frames", self.length)
+        self.in_order(frame[:, 0], "frames", self.length)
         return t[:, 0]
 
     def track(self, body: str) -> Track:
@@ -245,7 +246,7 @@ class _StoredEpisode:
                 raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
             if body not in self._in_order:
                 rows = 1 if len(values) == 1 else self.length
-                self.in_order(arrays[0], f"body {body!r}", rows)
+                self.in_order(arrays[0][:, 0], f"body {body!r}", rows)
                 self._in_order.add(body)
             if self.checked:
                 self.demand(check_track_column(column, values, body, self.length, self.where))
@@ -288,7 +289,7 @@ class _StoredEpisode:
         table = source.rows(("frame_index", "name", "value"), self.index, key[0])
         own = [name == key[1] for name in table["name"].to_pylist()]
         table = table.filter(pa.array(own, pa.bool_()))  # of no rows too
-        frame = source.numbers(table, "frame_index", np.int32)[:, None]
+        frame = source.numbers(table, "frame_index", np.int32)
         self.in_order(frame, f"channel {key[1]!r} of {key[0]!r}", self.length)
         values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
         self.demand(check_finite(values, f"channel {key[1]!r} of {key[0]!r}", self.where))

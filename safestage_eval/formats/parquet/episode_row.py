@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from safestage_eval.episode import Body, Header
+from safestage_eval.episode import Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.header_limits import check_counts, check_texts
 
@@ -58,7 +59,7 @@ def from_row(
     row: Mapping[str, Any],
     geometry: list[dict[str, Any]],
     where: str,
-    bodies: tuple[Body, ...] | None = None,
+    known: Mapping[str, Any] = MappingProxyType({}),
 ) -> Header:
     """Restore a header. Columns that are absent or null take the header's defaults.
 
@@ -66,25 +67,23 @@ def from_row(
         row: of ``meta/episodes``.
         geometry: rows of ``geometry``.
         where: place that messages name.
-        bodies: those of the row and the geometry, if they are known.
+        known: fields of the header that were understood before: the bodies with their geoms, …
 
     Raises:
         TraceError: text that is not JSON, a geom of an unknown body, or values a header refuses.
     """
     check_texts(row, where)
     data = {name: row[name] for name in _FLAT_FIELDS if row.get(name) is not None}
-    for name in (*_JSON_FIELDS, *(() if bodies is not None else ("bodies",))):
-        if row.get(name) is None:
+    for name in (*_JSON_FIELDS, "bodies"):
+        if row.get(name) is None or name in known:
             continue
         try:
             data[name] = json.loads(row[name])
         except (json.JSONDecodeError, RecursionError) as error:
             raise TraceError(f"{where}, column {name}", f"not JSON: {error}") from None
-    if bodies is None:
+    if "bodies" not in known:
         _add_geoms(data, geometry, where)
-    else:
-        data["bodies"] = bodies
-    header = validated(Header, data, f"{where}, header field")
+    header = validated(Header, data | known, f"{where}, header field")
     check_counts(header, where)
     return header
 

@@ -62,7 +62,7 @@ def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]
 def _rows(
     table: StoredTable, file: Path, columns: tuple[str, ...] | None = None
 ) -> list[dict[str, Any]]:
-    there = table.footer.columns
+    there = table.footer.layout.types
     missing = [name for name in REQUIRED if name not in there]
     if missing:
         raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))

@@ -51,6 +51,10 @@ class _Stretch(NamedTuple):
     rows: int
 
 
+_Numbers = Mapping[str, NDArray[Any]]
+"""The numbers of columns, as they are stored."""
+
+
 class StoredTable(TableFile):
     """A table of which the rows of one episode, and of one body or pair in it, are read alone."""
 
@@ -60,9 +64,9 @@ class StoredTable(TableFile):
         self._table = table
         self._names = NAME_COLUMNS.get(table, ())
         self._places: dict[int, dict[Names, list[Place]]] = {}
-        self._spans: dict[int, list[_Span]] = {}
+        self._spans: dict[int, dict[int, _Span]] = {}
         self._segments: dict[int, Segments] = {}
-        self._ahead: dict[int, pa.Table] = {}
+        self._ahead: dict[int, _Numbers] = {}
         self._arrays_ahead: dict[tuple[int, Block], NDArray[Any]] = {}
 
     def compare(self, episode: int, seal: Seal) -> None:
@@ -73,12 +77,12 @@ class StoredTable(TableFile):
         lines = seal.digests.get(self._table) if isinstance(seal.digests, dict) else None
         segments = Segments(self._table, lines, seal)
         spans = self._spans_of(episode)
-        in_order = all(isinstance(span.place.rows, slice) for span in spans)
-        if not in_order or segments.rows != sum(_count(span.place.rows) for span in spans):
+        in_order = all(isinstance(span.place.rows, slice) for span in spans.values())
+        if not in_order or segments.rows != sum(_count(span.place.rows) for span in spans.values()):
             segments.differ()
             return
         self._segments[episode] = segments
-        if all(self.footer.index.members[span.place.group] is not None for span in spans):
+        if all(self.footer.index.members[span.place.group] is not None for span in spans.values()):
             self.places(episode)
 
     def read_ahead(self, episode: int) -> None:
@@ -89,11 +93,11 @@ class StoredTable(TableFile):
         Raises:
             TraceError: the bytes cannot be read.
         """
-        places = [span.place for span in self._spans_of(episode)]
-        columns = [n for n in digested_columns(self._table) if n in self.footer.columns]
+        places = [span.place for span in self._spans_of(episode).values()]
+        columns = [n for n in digested_columns(self._table) if n in self.footer.layout.types]
         rows = sum(_count(place.rows) for place in places)
         if columns and 4 * rows * len(columns) <= _AHEAD_BYTES:
-            self._ahead[episode] = self._read_places(columns, places)
+            self._ahead[episode] = _numbers(self._read_places(columns, places))
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """Read columns for all rows. Raises TraceError for a missing column or damaged bytes."""
@@ -106,14 +110,15 @@ class StoredTable(TableFile):
             TraceError: a column is missing, or the bytes cannot be read.
         """
         if body is None:
-            places = [span.place for span in self._spans_of(episode)]
+            places = [span.place for span in self._spans_of(episode).values()]
             if episode in self._segments and set(columns) & set(self._names):
                 self.places(episode)
         else:
             places = self.places(episode).get((body,), [])
         table = self._read_places(columns, places)
         if episode in self._segments:
-            self._compare(episode, places, table)
+            digested = [name for name in columns if name in digested_columns(self._table)]
+            self._compare(episode, places, _numbers(table.select(digested)))
         return table
 
     def blocks(
@@ -128,21 +133,23 @@ class StoredTable(TableFile):
             TraceError: a column is missing, or the bytes cannot be read.
         """
         if names is None:
-            places = [span.place for span in self._spans_of(episode)]
+            places = [span.place for span in self._spans_of(episode).values()]
         else:
             places = self.places(episode).get(names, [])
         columns = list(chain.from_iterable(block.names for block in blocks))
-        stretch = self._stretch_ahead(episode, columns, places)
-        if stretch is None:
-            table = self._read_places(columns, places)
-        elif episode in self._segments:
-            table = self._ahead[episode].select(columns).slice(stretch.first, stretch.rows)
+        ahead = self._ahead.get(episode)
+        if ahead is not None and ahead.keys() >= set(columns):
+            stretches = self._stretches(episode, places)
+            if len(stretches) == 1:
+                first, _, count = stretches[0]
+                rows = slice(first, first + count)
+                if episode in self._segments:
+                    self._compare(episode, places, {name: ahead[name][rows] for name in columns})
+                return [self._array_ahead(episode, block)[rows] for block in blocks]
+        numbers = _numbers(self._read_places(columns, places))
         if episode in self._segments:
-            self._compare(episode, places, table)
-        if stretch is None:
-            return self._arrays(table, blocks)
-        rows = slice(stretch.first, stretch.first + stretch.rows)
-        return [self._array_ahead(episode, block)[rows] for block in blocks]
+            self._compare(episode, places, numbers)
+        return [self._stacked(numbers, block) for block in blocks]
 
     def places(self, episode: int) -> Mapping[Names, list[Place]]:
         """Return the places of the rows of each body or pair of an episode, in stored order.
@@ -182,14 +189,14 @@ class StoredTable(TableFile):
         """See ``arrow_values.lists``."""
         return arrow_values.lists(table, column, dtype, str(self.path))
 
-    def _spans_of(self, episode: int) -> list[_Span]:
-        """The rows of an episode, in stored order."""
+    def _spans_of(self, episode: int) -> dict[int, _Span]:
+        """Row group → the rows of an episode in it, in stored order."""
         if episode not in self._spans:
-            spans, first = [], 0
+            spans, first = dict[int, _Span](), 0
             for group in self.footer.index.groups_of(episode):
                 rows = self._episode_rows(group, episode)
                 if count := _count(rows):
-                    spans.append(_Span(Place(group, rows), first))
+                    spans[group] = _Span(Place(group, rows), first)
                     first += count
             self._spans[episode] = spans
         return self._spans[episode]
@@ -210,22 +217,11 @@ class StoredTable(TableFile):
             members = index.members[group] = runs_to_members(runs)
         return members
 
-    def _stretch_ahead(
-        self, episode: int, columns: Sequence[str], places: Sequence[Place]
-    ) -> _Stretch | None:
-        """The rows at some places among those that were read ahead, if they lie together there."""
-        table = self._ahead.get(episode)
-        if table is None or not set(columns).issubset(table.column_names):
-            return None
-        stretches = self._stretches(episode, places)
-        return stretches[0] if len(stretches) == 1 else None
-
     def _array_ahead(self, episode: int, block: Block) -> NDArray[Any]:
         """(N, C) numbers of a block in all rows that were read ahead, made once."""
         key = episode, block
         if key not in self._arrays_ahead:
-            table = self._ahead[episode].select(block.names)
-            self._arrays_ahead[key] = self._cast(table, block)
+            self._arrays_ahead[key] = self._stacked(self._ahead[episode], block)
         return self._arrays_ahead[key]
 
     def _read_places(self, columns: Sequence[str], places: Sequence[Place]) -> pa.Table:
@@ -242,41 +238,33 @@ class StoredTable(TableFile):
                 parts.append(table.take(pa.array(rows)))
         return pa.concat_tables(parts)
 
-    def _arrays(self, table: pa.Table, blocks: Sequence[Block]) -> list[NDArray[Any]]:
-        """(N, C) numbers of the columns of each block."""
-        batches = table.to_batches()
-        if len(batches) != 1:
-            return [self._cast(table, block) for block in blocks]
-        arrays = []
-        for names, dtype in blocks:
-            try:
-                array = batches[0].select(names).to_tensor(row_major=True).to_numpy()
-            except (pa.ArrowException, TypeError):  # gaps, or no numbers
-                array = None
-            if array is None or array.dtype != dtype:
-                array = self._cast(table, Block(names, dtype))
-            arrays.append(array)
-        return arrays
-
-    def _cast(self, table: pa.Table, block: Block) -> NDArray[Any]:
-        """(N, C) numbers, whatever type the columns of a block have."""
-        out = np.empty((len(table), len(block.names)), block.dtype)
-        for i, name in enumerate(block.names):
-            out[:, i] = self.numbers(table, name, block.dtype)
+    def _stacked(self, columns: _Numbers, block: Block) -> NDArray[Any]:
+        """(N, C) numbers of a block, whatever type its columns have. Raises TraceError for no numbers."""
+        names, dtype = block
+        for name in names:
+            values, held = columns[name], self.footer.layout.types[name]
+            arrow_values.check_numbers(values, name, held, dtype, str(self.path))
+        out = np.empty((len(columns[names[0]]), len(names)), dtype)
+        for i, name in enumerate(names):
+            out[:, i] = columns[name]
         return out
 
-    def _compare(self, episode: int, places: Sequence[Place], table: pa.Table) -> None:
-        """Compare the rows at some places, which were read into a table, with their digests."""
+    def _compare(self, episode: int, places: Sequence[Place], columns: _Numbers) -> None:
+        """Compare what was read of the rows at some places with its digests."""
         segments = self._segments[episode]
         read = partial(self._column, episode)
-        for first, at, rows in self._stretches(episode, places):
-            part = table if rows == len(table) else table.slice(at, rows)
-            for name, column in zip(part.column_names, part.itercolumns(), strict=True):
-                segments.compare(name, first, column, read)
+        stretches = self._stretches(episode, places)
+        for first, at, rows in stretches:
+            part = (
+                columns
+                if len(stretches) == 1
+                else {name: values[at : at + rows] for name, values in columns.items()}
+            )
+            segments.compare(first, rows, part, read)
 
     def _stretches(self, episode: int, places: Sequence[Place]) -> list[_Stretch]:
         """Return where rows at some places are among all rows of the episode; [] if they are scattered."""
-        spans = {span.place.group: span for span in self._spans_of(episode)}
+        spans = self._spans_of(episode)
         stretches: list[_Stretch] = []
         at = 0
         for group, rows in places:
@@ -309,13 +297,20 @@ class StoredTable(TableFile):
     def _column(self, episode: int, name: str, begin: int, end: int) -> NDArray[Any]:
         """Read the numbers of rows ``begin`` to ``end`` − 1 of an episode in a column."""
         parts = []
-        for place, first in self._spans_of(episode):
+        for place, first in self._spans_of(episode).values():
             assert isinstance(place.rows, slice)
             start, stop = max(begin - first, 0), min(end - first, _count(place.rows))
             if start < stop:
                 column = self.read_shared(place.group, [name])[name]
                 parts.append(flat_numbers(column.slice(place.rows.start + start, stop - start)))
         return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _numbers(table: pa.Table) -> dict[str, NDArray[Any]]:
+    return {
+        name: flat_numbers(column)
+        for name, column in zip(table.column_names, table.itercolumns(), strict=True)
+    }
 
 
 def _count(rows: Rows) -> int:

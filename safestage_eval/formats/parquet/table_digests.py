@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import accumulate
 from typing import Any
@@ -125,33 +125,35 @@ class Segments:
 
     def compare(
         self,
-        name: str,
         first: int,
-        values: pa.ChunkedArray,
+        rows: int,
+        columns: Mapping[str, NDArray[Any]],
         read: Callable[[str, int, int], NDArray[Any]],
     ) -> None:
-        """Compare the digests of all segments of which consecutive rows of a column were read.
+        """Compare the digests of all segments of which consecutive rows were read, column by column.
 
         Args:
-            name: of the column.
             first: number of the first row that was read, among those of the episode.
-            values: what was read.
+            rows: how many were read.
+            columns: their numbers, those of lists one after the other.
             read: (name, begin, end) → numbers of the episode's rows begin to end − 1.
 
         Raises:
             TraceError: a digest differs, and so does the content.
         """
-        number, last = bisect_right(self.starts, first) - 1, first + len(values)
+        number, last = bisect_right(self.starts, first) - 1, first + rows
         while 0 <= number < len(self._left) and self.starts[number] < last:
-            stated = self._left[number].pop(name, None)  # once is enough
             begin, end = self.starts[number : number + 2]
-            if stated is not None:
-                if (begin, end) == (first, last):
-                    numbers = flat_numbers(values)
-                elif first <= begin and end <= last:
-                    numbers = flat_numbers(values.slice(begin - first, end - begin))
-                else:
-                    numbers = read(name, begin, end)
+            left = self._left[number]
+            for name, numbers in columns.items():
+                stated = left.pop(name, None)  # once is enough
+                if stated is None:
+                    continue
+                if (begin, end) != (first, last):
+                    inside = first <= begin and end <= last and len(numbers) == rows
+                    numbers = (
+                        numbers[begin - first : end - first] if inside else read(name, begin, end)
+                    )
                 if crc(numbers) != stated:
                     self._seal.differs(f"the column {name!r} of {self._table}")
             number += 1

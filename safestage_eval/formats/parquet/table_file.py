@@ -46,6 +46,47 @@ EPISODES_TABLE = "meta/episodes"
 """The table that is always read whole, and needs no row index."""
 
 
+class Layout:
+    """The columns of a file, whose order and types most files of a table share.
+
+    Attributes:
+        types: of the columns, by name, of lists and records too.
+        plain, shared, nested: columns of plain texts, of texts in a dictionary, and of lists or
+            records. Many rows may share one text, and each would come to hold a copy; a row of a
+            list may hold any number of values.
+        leaves: column of lists or records → places of what lies in it.
+    """
+
+    def __init__(self, schema: pq.ParquetSchema) -> None:
+        """Look at every column."""
+        arrow = schema.to_arrow_schema()
+        self.types: dict[str, pa.DataType] = dict(zip(arrow.names, arrow.types, strict=True))
+        wide = {name: kind for name, kind in self.types.items() if kind.id not in _NUMBERS}
+        self.plain = frozenset(name for name, kind in wide.items() if _is_text(kind))
+        self.shared = frozenset(n for n, kind in wide.items() if pa.types.is_dictionary(kind))
+        self.nested = frozenset(n for n, kind in wide.items() if pa.types.is_nested(kind))
+        self.leaves: dict[str, list[int]] = {}
+        if self.nested:
+            for place in range(len(schema)):
+                name = schema.column(place).path.partition(".")[0]
+                if name in self.nested:
+                    self.leaves.setdefault(name, []).append(place)
+
+
+_LAYOUTS: list[tuple[pq.ParquetSchema, bytes, Layout]] = []
+"""Of files that were met lately, by their schema and what they state of Arrow's."""
+
+
+def _layout_of(metadata: pq.FileMetaData) -> Layout:
+    schema, arrow = metadata.schema, (metadata.metadata or {}).get(b"ARROW:schema", b"")
+    for known, stated, layout in _LAYOUTS:
+        if stated == arrow and known.equals(schema):
+            return layout
+    layout = Layout(schema)
+    _LAYOUTS[:] = [(schema, arrow, layout), *_LAYOUTS[: _FILES_KEPT - 1]]
+    return layout
+
+
 @dataclass(eq=False)
 class Footer:
     """The metadata of a file.
@@ -61,43 +102,9 @@ class Footer:
     values: list[list[int]] | None = None
 
     @cached_property
-    def columns(self) -> frozenset[str]:
-        """Names of the columns, of lists and records too."""
-        return frozenset(self._arrow.names)
-
-    @cached_property
-    def _arrow(self) -> pa.Schema:
-        return self.metadata.schema.to_arrow_schema()
-
-    @cached_property
-    def wide(self) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
-        """Columns of plain texts, of texts in a dictionary, and of lists or records.
-
-        Many rows may share one text, and each would come to hold a copy; a row of a list may hold any
-        number of values.
-        """
-        plain, shared, nested = set(), set(), set()
-        for name, kind in zip(self._arrow.names, self._arrow.types, strict=True):
-            if kind.id in _NUMBERS:  # most of them, and not asked any further
-                continue
-            if _is_text(kind):
-                plain.add(name)
-            elif pa.types.is_dictionary(kind):
-                shared.add(name)
-            elif pa.types.is_nested(kind):
-                nested.add(name)
-        return frozenset(plain), frozenset(shared), frozenset(nested)
-
-    @cached_property
-    def leaves(self) -> dict[str, list[int]]:
-        """Column of lists or records → places of what lies in it."""
-        schema, nested = self.metadata.schema, self.wide[2]
-        places: dict[str, list[int]] = {}
-        for place in range(len(schema)):
-            name = schema.column(place).path.partition(".")[0]
-            if name in nested:
-                places.setdefault(name, []).append(place)
-        return places
+    def layout(self) -> Layout:
+        """Its columns."""
+        return _layout_of(self.metadata)
 
 
 FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
@@ -196,7 +203,7 @@ class TableFile:
     @cached_property
     def _file_of_texts(self) -> pq.ParquetFile:
         """The same, which reads each text once."""
-        return self._opened(sorted(self.footer.wide[0]))
+        return self._opened(sorted(self.footer.layout.plain))
 
     def _opened(self, texts: list[str] | None) -> pq.ParquetFile:
         if self._source is not None:
@@ -221,9 +228,9 @@ class TableFile:
         """
         columns = list(dict.fromkeys(columns))
         rows = sum(self.footer.index.rows[group] for group in groups)
-        plain, shared, nested = self.footer.wide
+        layout = self.footer.layout
         values = rows * len(columns)
-        if not nested.isdisjoint(columns):
+        if not layout.nested.isdisjoint(columns):
             values += self._in_lists(groups, columns)
         current().demand_decoded(4 * values, self._size, str(self.path))
         if 4 * rows * len(columns) > LARGEST:
@@ -233,20 +240,25 @@ class TableFile:
                 f"{LARGEST // 4 // len(columns):,} rows of {len(columns)} columns",
                 "write row groups of one episode each" if len(self.footer.index.rows) == 1 else "",
             )
-        texts = [name for name in columns if name in plain] if rows > 1 else []
+        texts = [name for name in columns if name in layout.plain] if rows > 1 else []
         file = self._file_of_texts if texts else self._file
         try:
             table = file.read_row_groups(groups, columns=columns, use_threads=False)
             if table.column_names != columns:
                 raise self._other_columns(table.column_names, columns)
-            for name in shared.intersection(columns):
+            for name in layout.shared.intersection(columns):
                 for words in table[name].chunks:
                     check_words(words, name, str(self.path))
-            if rows > 1 and (texts or not shared.isdisjoint(columns)):
-                table = self._unfolded(table, texts, shared)
+            if rows > 1 and (texts or not layout.shared.isdisjoint(columns)):
+                table = self._unfolded(table, texts, layout.shared)
         except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
             raise self._unreadable(error) from None
-        if table.num_rows != rows or any(len(column) != rows for column in table.itercolumns()):
+        try:
+            table.validate()  # columns of equal length
+            same = table.num_rows == rows
+        except pa.ArrowInvalid:
+            same = False
+        if not same:
             name = next((name for name in columns if len(table[name]) != rows), columns[0])
             raise TraceError(
                 str(self.path),
@@ -258,7 +270,7 @@ class TableFile:
     def _in_lists(self, groups: Sequence[int], columns: Sequence[str]) -> int:
         """Values in the lists of some columns, as the footer states them. Raises TraceError."""
         footer = self.footer
-        places = [place for name in columns for place in footer.leaves.get(name, ())]
+        places = [place for name in columns for place in footer.layout.leaves.get(name, ())]
         try:
             if footer.values is None:
                 stated = self._chunks(footer.metadata)
@@ -323,7 +335,7 @@ class TableFile:
             return TraceError(
                 str(self.path),
                 f"the column {name!r} is missing; "
-                f"there are {', '.join(sorted(self.footer.columns))}.",
+                f"there are {', '.join(sorted(self.footer.layout.types))}.",
                 ", ".join(self.names),
             )
         return TraceError(
