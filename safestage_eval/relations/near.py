@@ -112,7 +112,7 @@ class Neighbours:
 
     def about(self, bodies: NDArray[np.intp], frames: NDArray[np.intp]) -> Bool:
         """(F, B, N) bodies whose shapes' boxes come within ``NEAR`` of those of some (B,)."""
-        low, high = self._boxes(frames)
+        low, high = self._boxes(frames, bodies.tolist())
         near = np.ones((len(frames), len(bodies), low.shape[1]), np.bool_)
         for axis in range(3):
             under, over = low[..., axis], high[..., axis]
@@ -121,22 +121,43 @@ class Neighbours:
         near[:, np.arange(len(bodies)), bodies] = False
         return near
 
-    def _boxes(self, frames: NDArray[np.intp]) -> tuple[F64, F64]:
+    def _boxes(self, frames: NDArray[np.intp], wanted: list[int]) -> tuple[F64, F64]:
         """(F, N, 3) lowest and highest corner (m, world) of a box around each body.
 
-        Inverted of what has no shape, and of the robot.
+        Inverted of what has no shape, of the robot, and of what is too far from the wanted bodies,
+        however it is turned.
         """
-        bodies = self._episode.header.bodies
-        low = np.full((len(frames), len(bodies), 3), np.inf)
+        low = np.full((len(frames), len(self._episode.header.bodies), 3), np.inf)
         high = -low
-        for body, (middle, half) in self._boxes_of.items():
-            track = self._episode.tracks[bodies[body].name]
-            at = frames if len(track) > 1 else slice(0, 1)
-            turn = matrix(track.orientation[at])
-            reach = np.abs(turn) @ half
-            centre = track.position[at] + turn @ middle
-            low[:, body], high[:, body] = centre - reach, centre + reach
+        known = self._boxes_of
+        first = [body for body in wanted if body in known]
+        for body in first:
+            low[:, body], high[:, body] = self._box(body, frames)
+        under, over = low[:, first] - NEAR, high[:, first] + NEAR
+        for body in known.keys() - first:
+            centre, radius = self._position(body, frames)[:, None], self._radius(body)
+            if ((centre - radius <= over) & (centre + radius >= under)).all(axis=2).any():
+                low[:, body], high[:, body] = self._box(body, frames)
         return low, high
+
+    def _box(self, body: int, frames: NDArray[np.intp]) -> tuple[F64, F64]:
+        """(F, 3) lowest and highest corner (m, world) of a box around a body, or (1, 3)."""
+        middle, half = self._boxes_of[body]
+        track = self._episode.tracks[self._episode.header.bodies[body].name]
+        turn = matrix(track.orientation[frames if len(track) > 1 else slice(0, 1)])
+        reach = np.abs(turn) @ half
+        centre = self._position(body, frames) + turn @ middle
+        return centre - reach, centre + reach
+
+    def _position(self, body: int, frames: NDArray[np.intp]) -> NDArray[np.float32]:
+        """(F, 3) m, or (1, 3) of a body that never moves."""
+        position = self._episode.tracks[self._episode.header.bodies[body].name].position
+        return position[frames] if len(position) > 1 else position
+
+    def _radius(self, body: int) -> float:
+        """m, of a ball around its origin that holds its box, rounding included."""
+        middle, half = self._boxes_of[body]
+        return 1.01 * float(np.linalg.norm(middle) + np.linalg.norm(half)) + 1e-6
 
     @cached_property
     def _boxes_of(self) -> dict[int, tuple[F64, F64]]:
