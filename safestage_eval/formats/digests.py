@@ -40,7 +40,11 @@ def crc(values: NDArray[Any]) -> str:
 
 def seal(content_hash: str, header: Header, digests: object) -> str:
     """Return the SHA-256 (hex) that binds a content hash to the scene and to digests (JSON)."""
-    parts = json.dumps(content_hash), _quoted(scene_text(header)), json.dumps(digests, sort_keys=True)
+    parts = (
+        json.dumps(content_hash),
+        _quoted(scene_text(header)),
+        json.dumps(digests, sort_keys=True),
+    )
     return sha256(f"[{', '.join(parts)}]".encode()).hexdigest()
 
 

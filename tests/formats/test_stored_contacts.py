@@ -11,6 +11,7 @@ from strategies import episodes
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, save
+from safestage_eval.formats.parquet import dataset_reader
 from safestage_eval.formats.parquet.table_file import TableFile
 
 COLUMNS = ("frame", "force", "normal", "peak_force", "force.z", "geom1", "depth", "position")
@@ -115,6 +116,7 @@ def test_pairs_of_a_shard_with_several_episodes(tmp_path):
 def test_other_pairs_are_not_read(tmp_path, monkeypatch):
     episode = stacked("e", 9000)
     save(episode, tmp_path)
+    monkeypatch.setattr(dataset_reader, "FEW_CONTACTS", 0)
     contacts = discover(tmp_path)[0].open().contacts
     contacts.pairs  # noqa: B018 — what pairs there are is known from here on
     read, original = [], TableFile.read
@@ -130,6 +132,18 @@ def test_other_pairs_are_not_read(tmp_path, monkeypatch):
     assert len(read) == 1
     contacts.of_pair((2, 3), "frame", "force", "force.y")
     assert read[1:] == [["force.x", "force.y", "force.z"]]
+
+
+def test_few_contacts_are_read_at_once(tmp_path, monkeypatch):
+    episode = stacked("e", 90)
+    save(episode, tmp_path)
+    contacts, read = discover(tmp_path)[0].open().contacts, []
+    monkeypatch.setattr(TableFile, "read", lambda *_: read.append(1))
+    wanted = "frame", "normal", "force.z", "peak_force"
+    for pair in episode.contacts.pairs:
+        found, expected = (table.of_pair(pair, *wanted) for table in (contacts, episode.contacts))
+        np.testing.assert_array_equal(sorted_rows(found), sorted_rows(expected))
+    assert not read
 
 
 @pytest.mark.parametrize(

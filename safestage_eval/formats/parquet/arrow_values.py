@@ -17,6 +17,12 @@ _OFFSETS = {
 }
 """Type of texts → of their offsets, and of the same as bytes."""
 
+NUMBERS = frozenset(
+    kind.id
+    for kind in (pa.int16(), pa.uint16(), pa.int32(), pa.int64(), pa.float32(), pa.float64())
+)
+"""Types of columns that are arrays as they are stored."""
+
 _SHORT = 1 << 22
 """Bytes up to which texts are sooner put together here than pyarrow's functions are loaded."""
 

@@ -36,7 +36,7 @@ from . import dataset_layout as layout
 from .arrow_tables import ROBOT_COLUMNS, WXYZ, XYZ
 from .episode_row import from_row
 from .episodes_table import read_row
-from .stored_contacts import Source, StoredContacts
+from .stored_contacts import MOSTLY_READ, Source, StoredContacts
 from .stored_scene import find_scene, make_scene
 from .stored_table import Block, StoredTable
 from .table_digests import DIGESTED_TABLES
@@ -54,6 +54,9 @@ _TRACK = {
 """Column of a track → the stored columns that it is made of."""
 
 _TIME = Block(("timestamp",), np.dtype(np.float64))
+
+FEW_CONTACTS = 1 << 16
+"""Rows up to which those of all pairs are read at once: of a short episode most are asked for."""
 
 MOST_GEOMS = 1 << 16
 """Contacts tell geoms by numbers of 16 bits."""
@@ -257,6 +260,8 @@ class _StoredEpisode:
         table = self.table("contacts")
         if self.whole:
             table.read_ahead(self.index)
+        elif self.row["contacts"] <= FEW_CONTACTS:
+            table.read_ahead(self.index, MOSTLY_READ)
         return StoredContacts(
             Source(
                 table,

@@ -26,6 +26,10 @@ from .stored_table import Block, StoredTable
 
 KEYS = ("frame", "body1", "body2")
 GEOMS = ("geom1", "geom2")
+MOSTLY_READ = (
+    "frame_index", "peak_force", *(f"{v}.{axis}" for v in ("normal", "force") for axis in XYZ)
+)  # fmt: skip
+"""Columns that nearly every rule asks for, of most pairs."""
 
 
 class Source(NamedTuple):

@@ -85,8 +85,8 @@ class StoredTable(TableFile):
         if all(self.footer.index.members[span.place.group] is not None for span in spans.values()):
             self.places(episode)
 
-    def read_ahead(self, episode: int) -> None:
-        """Read all columns of numbers of an episode at once, because all will be used.
+    def read_ahead(self, episode: int, columns: Sequence[str] | None = None) -> None:
+        """Read columns of an episode at once, all of numbers if None, because they will be used.
 
         That takes half as long as many small reads; nothing is done where it would take much memory.
 
@@ -94,10 +94,11 @@ class StoredTable(TableFile):
             TraceError: the bytes cannot be read.
         """
         places = [span.place for span in self._spans_of(episode).values()]
-        columns = [n for n in digested_columns(self._table) if n in self.footer.layout.types]
+        names = digested_columns(self._table) if columns is None else columns
+        names = [name for name in names if name in self.footer.layout.types]
         rows = sum(_count(place.rows) for place in places)
-        if columns and 4 * rows * len(columns) <= _AHEAD_BYTES:
-            self._ahead[episode] = _numbers(self._read_places(columns, places))
+        if names and 4 * rows * len(names) <= _AHEAD_BYTES:
+            self._ahead[episode] = _numbers(self._read_places(names, places))
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """Read columns for all rows. Raises TraceError for a missing column or damaged bytes."""
@@ -296,6 +297,9 @@ class StoredTable(TableFile):
 
     def _column(self, episode: int, name: str, begin: int, end: int) -> NDArray[Any]:
         """Read the numbers of rows ``begin`` to ``end`` − 1 of an episode in a column."""
+        ahead = self._ahead.get(episode, {}).get(name)
+        if ahead is not None:
+            return ahead[begin:end]
         parts = []
         for place, first in self._spans_of(episode).values():
             assert isinstance(place.rows, slice)

@@ -23,7 +23,7 @@ from safestage_eval.formats.checksum import crc32
 from safestage_eval.formats.digests import Seal, crc
 
 from .arrow_tables import TABLES
-from .arrow_values import flat_values, raw_values
+from .arrow_values import NUMBERS, flat_values, raw_values
 from .row_index import Names, Run, runs_of
 
 DIGESTED_TABLES = ("bodies", "contacts", "frames", "channels")
@@ -45,6 +45,8 @@ def digested_columns(table: str) -> tuple[str, ...]:
 
 def flat_numbers(column: pa.ChunkedArray) -> NDArray[Any]:
     """Return the numbers of a column, those of lists one after the other."""
+    if column.num_chunks == 1 and column.type.id in NUMBERS and not column.null_count:
+        return np.from_dlpack(column.chunk(0))  # as most are
     lists = pa.types.is_list(column.type) or pa.types.is_large_list(column.type)
     some = [chunk for chunk in column.chunks if len(chunk)]
     parts = [flat_values(chunk) if lists else raw_values(chunk) for chunk in some]
@@ -145,15 +147,15 @@ class Segments:
         while 0 <= number < len(self._left) and self.starts[number] < last:
             begin, end = self.starts[number : number + 2]
             left = self._left[number]
-            for name, numbers in columns.items():
+            for name, values in columns.items():
                 stated = left.pop(name, None)  # once is enough
                 if stated is None:
                     continue
-                if (begin, end) != (first, last):
-                    inside = first <= begin and end <= last and len(numbers) == rows
-                    numbers = (
-                        numbers[begin - first : end - first] if inside else read(name, begin, end)
-                    )
+                numbers = values
+                if first <= begin and end <= last and len(values) == rows:
+                    numbers = values[begin - first : end - first]
+                elif (begin, end) != (first, last):
+                    numbers = read(name, begin, end)
                 if crc(numbers) != stated:
                     self._seal.differs(f"the column {name!r} of {self._table}")
             number += 1

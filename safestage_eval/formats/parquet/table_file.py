@@ -18,7 +18,7 @@ from safestage_eval.formats.trace_files import regular_status
 from safestage_eval.size_limits import current
 
 from .arrow_tables import arrow_file, columns_of
-from .arrow_values import check_words, decoded
+from .arrow_values import NUMBERS, check_words, decoded
 from .column_chunks import Chunk, read_chunks, read_chunks_of
 from .row_index import RowIndex, load_row_index
 
@@ -36,11 +36,6 @@ _FILES_KEPT = 12
 
 SMALL = 1 << 22
 """Bytes of texts that are not counted any closer."""
-
-_NUMBERS = frozenset(
-    kind.id
-    for kind in (pa.int16(), pa.uint16(), pa.int32(), pa.int64(), pa.float32(), pa.float64())
-)
 
 EPISODES_TABLE = "meta/episodes"
 """The table that is always read whole, and needs no row index."""
@@ -61,7 +56,7 @@ class Layout:
         """Look at every column."""
         arrow = schema.to_arrow_schema()
         self.types: dict[str, pa.DataType] = dict(zip(arrow.names, arrow.types, strict=True))
-        wide = {name: kind for name, kind in self.types.items() if kind.id not in _NUMBERS}
+        wide = {name: kind for name, kind in self.types.items() if kind.id not in NUMBERS}
         self.plain = frozenset(name for name, kind in wide.items() if _is_text(kind))
         self.shared = frozenset(n for n, kind in wide.items() if pa.types.is_dictionary(kind))
         self.nested = frozenset(n for n, kind in wide.items() if pa.types.is_nested(kind))
