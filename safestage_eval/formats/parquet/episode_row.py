@@ -83,7 +83,7 @@ def from_row(
             raise TraceError(f"{where}, column {name}", f"not JSON: {error}") from None
     if "bodies" not in known:
         _add_geoms(data, geometry, where)
-    header = validated(Header, data | known, f"{where}, header field")
+    header = validated(Header, {**data, **known}, f"{where}, header field")
     check_counts(header, where)
     return header
 

@@ -52,9 +52,8 @@ class Layout:
         leaves: column of lists or records → places of what lies in it.
     """
 
-    def __init__(self, schema: pq.ParquetSchema) -> None:
-        """Look at every column."""
-        arrow = schema.to_arrow_schema()
+    def __init__(self, schema: pq.ParquetSchema, arrow: pa.Schema) -> None:
+        """Look at every column of the schema, which is also given as Arrow's."""
         self.types: dict[str, pa.DataType] = dict(zip(arrow.names, arrow.types, strict=True))
         wide = {name: kind for name, kind in self.types.items() if kind.id not in NUMBERS}
         self.plain = frozenset(name for name, kind in wide.items() if _is_text(kind))
@@ -68,17 +67,17 @@ class Layout:
                     self.leaves.setdefault(name, []).append(place)
 
 
-_LAYOUTS: list[tuple[pq.ParquetSchema, bytes, Layout]] = []
-"""Of files that were met lately, by their schema and what they state of Arrow's."""
+_LAYOUTS: list[tuple[pa.Schema, Layout]] = []
+"""Layouts of files that were met lately, by schema (Parquet's would keep their footers in memory)."""
 
 
-def _layout_of(metadata: pq.FileMetaData) -> Layout:
-    schema, arrow = metadata.schema, (metadata.metadata or {}).get(b"ARROW:schema", b"")
-    for known, stated, layout in _LAYOUTS:
-        if stated == arrow and known.equals(schema):
+def _layout_of(schema: pq.ParquetSchema) -> Layout:
+    arrow = schema.to_arrow_schema()
+    for known, layout in _LAYOUTS:
+        if known.equals(arrow):
             return layout
-    layout = Layout(schema)
-    _LAYOUTS[:] = [(schema, arrow, layout), *_LAYOUTS[: _FILES_KEPT - 1]]
+    layout = Layout(schema, arrow)
+    _LAYOUTS[:] = [(arrow, layout), *_LAYOUTS[: _FILES_KEPT - 1]]
     return layout
 
 
@@ -99,7 +98,7 @@ class Footer:
     @cached_property
     def layout(self) -> Layout:
         """Its columns."""
-        return _layout_of(self.metadata)
+        return _layout_of(self.metadata.schema)
 
 
 FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
