@@ -27,7 +27,7 @@ rules_option = click.option(
 _BIND = click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
     help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set "
-    "(gymnasium_robotics, libero, maniskill, metaworld, robolab, robosuite).",
+    "(calvin, gymnasium_robotics, libero, maniskill, metaworld, robolab, robosuite).",
 )  # fmt: skip
 
 _ROLES = (

@@ -91,9 +91,9 @@ def bind_names() -> list[str]:
 
 
 def find_bind(spec: str | Path) -> Path:
-    """The file of a built-in name, where no file has that name; else the path itself."""
+    """The file of a built-in name, where no file has that name (a folder may); else the path itself."""
     path = Path(spec)
-    if not path.exists() and str(spec) in bind_names():
+    if not path.is_file() and str(spec) in bind_names():
         return builtin_folder() / BIND / f"{spec}.toml"
     return path
 

@@ -24,6 +24,13 @@ def test_a_file_of_that_name_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert list(load_bind("libero", load_rules(["ets"])).tasks) == ["mine"]
 
 
+def test_a_folder_of_that_name_does_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As recordings of one simulator often stand in a folder named after it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "metaworld").mkdir()
+    assert load_bind("metaworld", load_rules(["ets"])).tasks
+
+
 def test_a_name_that_is_none_is_answered_with_the_known_ones() -> None:
     with pytest.raises(RuleError, match="libero"):
         load_bind("liberro", load_rules(["ets"]))
