@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from typing import Protocol
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 from simulate.arm import droid
+from simulate.cameras.droid_cameras import SIZE, Cameras
 from simulate.policies.policy_names import BUILT_IN, policy_named
 from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy
@@ -90,10 +92,17 @@ class Shadow:
 
     def _next(self) -> F64:
         if not self._chunk:
-            seen = observe(
-                self._world, self._steps / 15, self._instruction,
-                objects=tracks_objects(self._policy),
-            )  # fmt: skip
+            with (
+                ExitStack() as drawing
+            ):  # as any thread may be the next to answer, which OpenGL minds
+                wanted, cameras = tuple(getattr(self._policy, "cameras", ())), None
+                if wanted:
+                    size = getattr(self._policy, "image_size", SIZE)
+                    cameras = drawing.enter_context(closing(Cameras(self._world, wanted, size)))
+                seen = observe(
+                    self._world, self._steps / 15, self._instruction, cameras,
+                    objects=tracks_objects(self._policy),
+                )  # fmt: skip
             self._chunk = list(np.asarray(self._policy.act(seen), np.float64))
         action = np.asarray(self._chunk.pop(0), np.float32).astype(np.float64)  # as it is sent
         self._world.act(action)

@@ -59,6 +59,32 @@ def test_served_it_does_what_it_does_directly(protocol: str) -> None:
     assert verdicts(served) == verdicts(direct)
 
 
+@pytest.fixture(scope="module")
+def seeing(tmp_path_factory) -> str:
+    """A policy with pictures, as it begins: before any training it moves its arm by what it sees."""
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("onnxscript")
+    from simulate.learn.picture_network import PictureChunks
+    from simulate.learn.training import PICTURES, Recipe, export_onnx
+
+    torch.manual_seed(0)
+    file = tmp_path_factory.mktemp("seeing") / "seeing.onnx"
+    export_onnx(PictureChunks(width=32, blocks=1), file, Recipe(PICTURES, 1))
+    return f"learned:{file}"
+
+
+@pytest.mark.slow
+def test_with_pictures_it_repeats_itself_and_is_served_as_directly(seeing: str) -> None:
+    setting = Setting(SETTING.task, seed=100, horizon=1.5)
+    direct, again = rolled(seeing, setting), rolled(seeing, setting)
+    assert direct.content_hash == again.content_hash
+    assert [camera.name for camera in direct.header.cameras] == ["exterior_left", "wrist"]
+    with serve(seeing, "openpi", port=0, seed=setting.seed, task=TASK) as server:
+        served = rolled(f"openpi:{server.url}?name=model", setting)
+    assert served.header.termination == direct.header.termination, served.header.notes
+    assert np.array_equal(served.frames.action, direct.frames.action)
+
+
 def test_what_it_was_not_trained_on_is_told() -> None:
     assert policy_name("learned:act") == "learned:act"
     with pytest.raises(InputError, match="not trained on"):
