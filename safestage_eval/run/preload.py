@@ -6,12 +6,17 @@ every listed kernel linked, in memory that all of them share.
 
 import gc
 
-import pyarrow.compute  # noqa: F401 — lazily imported elsewhere
+import numpy.ma  # noqa: F401 — this and the next one are lazily imported elsewhere
+import pyarrow.compute  # noqa: F401
 
+import safestage_eval._process.kernel_arguments
 import safestage_eval.formats.checksum
 import safestage_eval.formats.parquet.dataset_reader
 import safestage_eval.geometry.edge
+import safestage_eval.geometry.footprint
+import safestage_eval.metrics
 import safestage_eval.relations.doubt
+import safestage_eval.relations.touch_effect
 import safestage_eval.verdicts.judging  # noqa: F401 — all that reads, measures and judges
 from safestage_eval._process.precompile import compile_kernels
 
