@@ -81,14 +81,15 @@ def check_header(header: Header, where: str, *, shapes: bool = True) -> Iterator
     names = Counter(body.name for body in header.bodies)
     for name in sorted(name for name, times in names.items() if times > 1):
         yield TraceError(where, f"two bodies are named {name!r}", fix="give each body its own name")
+    joints = {joint.name for joint in header.joints}  # as goals of drawers and knobs ask for
     for role, players in header.roles.items():
         for player in players:
-            if player not in names:
+            if player not in names and player not in joints:
                 yield contradiction(
                     "role",
                     (player,),
                     where,
-                    f"role {role!r} names {player!r}, which is no body",
+                    f"role {role!r} names {player!r}, which is no body and no joint",
                     ", ".join(names),
                 )
     for step in ("physics_dt", "frame_dt", "control_dt"):

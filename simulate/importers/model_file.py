@@ -83,8 +83,14 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
 
 
 def _for_older(text: str) -> str:
-    """MJCF as this MuJoCo writes it, with what older ones take otherwise where it is left out."""
+    """MJCF as this MuJoCo writes it, with what older ones take otherwise where it is left out.
+
+    Without lights, which are written in another way today.
+    """
     root = ET.fromstring(text)  # noqa: S314 — written by MuJoCo
+    for parent in list(root.iter()):
+        for light in parent.findall("light"):
+            parent.remove(light)
     compiler = root.find("compiler")
     if compiler is None:
         compiler = ET.SubElement(root, "compiler")

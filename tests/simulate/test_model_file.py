@@ -43,3 +43,9 @@ def test_entities_are_not_resolved_from_files(tmp_path):
     with pytest.raises(InputError) as caught:
         load_model(text, "x")
     assert "SECRET" not in str(caught.value)
+
+
+def test_what_goes_to_an_older_mujoco_has_no_lights():
+    """MuJoCo 3.17 writes their kind as an attribute that 2.3.7 refuses (LIBERO's kitchens)."""
+    text = model(body='<light name="sun" directional="true"/>')
+    assert "<light" not in load_model(text, "x").xml
