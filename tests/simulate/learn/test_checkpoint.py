@@ -9,6 +9,7 @@ import pytest
 
 from safestage_eval.errors import InputError
 from simulate.learn.checkpoint import FOLDER, Checkpoint, checkpoint_file, opened, shipped
+from simulate.learn.picture_recipe import CAMERAS, SIZE
 from simulate.learn.policy_inputs import ANSWER, ARM, OBJECT
 from simulate.learn.prompt_embedding import WIDTH
 from simulate.learn.scene_slots import SLOTS
@@ -17,8 +18,8 @@ pytest.importorskip("onnxruntime")
 pytestmark = pytest.mark.simulate
 
 
-def test_three_are_shipped_with_their_curves_and_are_small() -> None:
-    assert shipped() == ("act", "bc", "diffusion")
+def test_four_are_shipped_with_their_curves_and_are_small() -> None:
+    assert shipped() == ("act", "act_pictures", "bc", "diffusion")
     for name in shipped():
         assert checkpoint_file(name).stat().st_size <= 10e6
         assert b".py" not in checkpoint_file(name).read_bytes(), (
@@ -38,6 +39,8 @@ def test_a_checkpoint_answers(name: str) -> None:
         "prompt": np.zeros((1, WIDTH), np.float32),
         "clock": np.zeros((1, 1), np.float32),
         "noise": np.zeros((1, max(checkpoint.noise, 1)), np.float32),
+        "pictures": np.zeros((1, len(CAMERAS), 3, *SIZE), np.uint8),
+        "first": np.zeros((1, len(CAMERAS), 3, *SIZE), np.uint8),
     }
     answer = checkpoint.answer(**zeros)
     assert answer.shape == (checkpoint.about["chunk"], ANSWER)
@@ -46,7 +49,7 @@ def test_a_checkpoint_answers(name: str) -> None:
 
 
 def test_what_is_no_checkpoint_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="act, bc, diffusion"):
+    with pytest.raises(InputError, match="act, act_pictures, bc, diffusion"):
         opened("best")
     (tmp_path / "x.onnx").write_bytes(b"no network")
     with pytest.raises(InputError, match="learn train"):
