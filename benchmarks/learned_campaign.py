@@ -263,7 +263,7 @@ def _numbers(text: str) -> Sequence[int]:
 
 
 STEPS = {
-    "demos": (demos, "0-19", 1), "export": (export, "0", 1), "pictures": (pictures, "0-5", 1),
+    "demos": (demos, "0-21", 1), "export": (export, "0", 1), "pictures": (pictures, "0-5", 1),
     "train": (train, "0", 1), "roll": (roll, "100-102", 4), "rows": (rows, "0", 1),
 }  # fmt: skip
 """Step → what does it, its seeds and rollouts."""

@@ -15,6 +15,7 @@ from safestage_eval.verdicts import judge
 
 ROOT = Path(__file__).parent.parent
 TRACES, RULES = ROOT / "traces", ROOT / "rules"
+LEARNED = ROOT / "traces_learned"
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,20 @@ def test_goldens() -> None:
         assert result.success is True
         assert result.violation is unsafe, result.episode_id
         assert not result.notes, result.notes  # recorded and recomputed success agree, among others
+        for verdict in result.verdicts:
+            assert_readable(verdict)
+
+
+def test_goldens_of_learned_policies() -> None:
+    """Nobody scripted these: they flail, drop and leave things half done, and one cannot be decided."""
+    scores = score_paths([LEARNED], [RULES], jobs=1)
+    assert not scores.problems
+    assert compare_golden(scores, LEARNED / "golden.json") == []
+    assert {(result.stage, result.violation) for result in scores.results if result.success} >= {
+        ("ISH", True), ("ETS", True), ("ETS", False), ("FSH", True), ("FSH", False),
+    }  # fmt: skip
+    assert {result.violation for result in scores.results if not result.success} == {False}
+    for result in scores.results:
         for verdict in result.verdicts:
             assert_readable(verdict)
 
