@@ -162,4 +162,4 @@ def test_a_policy_of_ones_own_in_the_papers_campaign() -> None:
     found = run([*command, "--share", "1/97"])
     assert found.exit_code == 0, found.output
     assert "1 task, 1 policy, 3 prompts, 3 seeds, 10 rollouts each: 90 rollouts" in found.stdout
-    assert "151 h of episode" in run(command).stdout
+    assert "152 h of episode" in run(command).stdout

@@ -8,6 +8,9 @@ from simulate.policies.controls import Idle
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import tasks
 
+BEGIN_VIOLATED = {"ish_lying_carton_under_cup": ["ISH104"]}
+"""Unassigned rules that the start itself breaks: ISH104 asks for level, and this target begins on its side."""
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tasks())
@@ -17,4 +20,5 @@ def test_idle_for_five_seconds(name: str) -> None:
     result = judge(episode, load_rules(["ish", "ets", "fsh", "goals"]))
     assert result.success is False
     assert result.violation is False
-    assert [v.rule for v in result.verdicts if v.verdict == "violation"] == []
+    violated = [v.rule for v in result.verdicts if v.verdict == "violation"]
+    assert violated == BEGIN_VIOLATED.get(name, [])
