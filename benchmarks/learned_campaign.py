@@ -285,7 +285,9 @@ def main() -> None:
     parser.add_argument(
         "--once", action="append", default=[], help="A policy that is rolled out once per setting."
     )
-    parser.add_argument("--minutes", type=float, default=1e6, help="Begin nothing after so many.")
+    parser.add_argument(
+        "--minutes", type=float, default=1e6, help="Start nothing new after this many minutes."
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="Processes.")
     parser.add_argument("--device", default="cuda", help="Where to train.")
     parser.add_argument("--steps", type=int, help="Steps of training. Default: the recipe's.")

@@ -36,7 +36,7 @@ def sheets() -> None:
 )
 @click.option("--sample", "-n", "count", type=click.IntRange(1), metavar="N",
               help="Number of rollouts, spread evenly over the stages. Default: all.")  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Another one chooses others.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Sampling seed.")
 @click.option(
     "--list",
     "listed",
