@@ -2,7 +2,9 @@
 
 MuJoCo, and the evaluator with it, takes the greater friction of the two geoms that touch. So the rougher
 surface of a pair decides, and a surface's own value is what two alike have on each other. ``HANDBOOK``
-holds what is published of pairs; ``tests/simulate/test_surfaces.py`` holds the values against it.
+holds ranges of pairs and ``tests/simulate/test_surfaces.py`` holds the values against them. The ranges were
+written down from memory of the sources that they name: those of metals, of glass on metal and of rubber were
+compared with public copies of such tables, the others were not.
 
 A pair that is slipperier than either surface on its own kind cannot be had so: paper on steel has 0.35
 here, and 0.2 to 0.3 in handbooks. Friction of a pair by itself would need explicit contact pairs of
@@ -56,7 +58,7 @@ def friction(surface: str, rolling: float = ROLLING) -> tuple[float, float, floa
 
 
 class Pair(NamedTuple):
-    """Published range of a pair's friction, from sliding and touched by hands to clean and at rest."""
+    """Range of a pair's friction in a handbook, from sliding and touched by hands to clean and at rest."""
 
     first: str
     second: str
