@@ -43,6 +43,8 @@ def sheets() -> None:
     type=click.Path(path_type=Path, dir_okay=False, exists=True),
     help="CSV file with a column episode_id: draw these rollouts in this order.",
 )
+@click.option("--hide-success", is_flag=True,
+              help="Do not show whether and when the goal was reached, so that readers can judge it.")  # fmt: skip
 @rule_options(values=False)
 @where_option
 @explains
@@ -52,6 +54,7 @@ def draw(
     count: int | None,
     seed: int,
     listed: Path | None,
+    hide_success: bool,
     by: RuleChoice,
     where: tuple[str, ...],
 ) -> None:
@@ -82,7 +85,8 @@ def draw(
         raise BadInput(f"{' '.join(traces)}: no episode can be read")
     numbered = number(chosen, out)
     with progress(len(chosen), "rollout") as show:
-        new = drawn(zip(numbered, chosen, strict=True), out, loaded, bound, show)
+        pairs = zip(numbered, chosen, strict=True)
+        new = drawn(pairs, out, loaded, bound, show, hide_success=hide_success)
     say(f"{out}: {new} drawn, {len(chosen) - new} there already")
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +89,18 @@ def draw(
     rules: RuleSet,
     bind: BindFile | None = None,
     done: Callable[[int], None] | None = None,
+    *,
+    hide_success: bool = False,
 ) -> int:
     """Draw what is not there yet; the number of rollouts that were drawn.
+
+    Args:
+        refs: the episodes with their numbers.
+        folder: where pictures and texts go.
+        rules: what the reader is asked.
+        bind: roles of foreign recordings.
+        done: called with the number of rollouts that are there.
+        hide_success: draw as if native success had not been recorded, so that a reader can judge it.
 
     Raises:
         InputError: an episode or its rules are broken, or nothing can be drawn.
@@ -99,6 +109,9 @@ def draw(
     for i, (one, ref) in enumerate(refs, 1):
         if not (folder / f"{one.name}.txt").exists():
             episode = ref.open()
+            if hide_success:
+                header = episode.header.model_copy(update={"success": None, "success_time": None})
+                episode = replace(episode, header=header)
             facts = question(episode.header, rules, bind)
             scene = Scene.of(episode, facts["roles"])
             for letter, image in zip(VIEWS, sheet(scene, facts, [*VIEWS.values()]), strict=True):
@@ -123,7 +136,9 @@ def question_lines(one: Numbered, facts: Mapping[str, Any], scene: Scene) -> lis
     lines += ["", *(f"{role}: {', '.join(names)}" for role, names in facts["roles"].items())]
     length = float(scene.episode.t[-1])
     reached = "goal not reached"
-    if facts["success"]:
+    if facts["success"] is None:
+        reached = "not known whether the goal was reached"
+    elif facts["success"]:
         reached = f"goal reached at {facts['success_time']:.2f} s"
     return [*lines, f"{reached}; recorded: 0 to {length:.2f} s"]
 

@@ -196,6 +196,27 @@ def test_a_study_is_drawn_once_and_answers_find_their_episodes(tmp_path: Path) -
     assert found == {names[2]: ("unsafe", "close, 3 cm"), names[1]: ("safe", "")}
 
 
+def test_a_reader_of_success_is_not_told_of_it(tmp_path: Path) -> None:
+    """Success and failure of the same motion give the same sheets and words where success is hidden."""
+    drawable(pushed())
+    told, hidden = [], []
+    for reached in (True, False):
+        name = "yes" if reached else "no"
+        known = {"success": reached, "success_time": 4.5 if reached else None}
+        save(pushed(episode_id="same", **known), tmp_path / name / "same.mcap")
+        for out, more in ((told, ()), (hidden, ("--hide-success",))):
+            folder = tmp_path / f"{name}{len(more)}"
+            result = CliRunner().invoke(
+                sheets, ["draw", str(tmp_path / name), "--out", str(folder), *more]
+            )
+            assert "1 drawn" in result.output
+            out.append([(folder / f"001{end}").read_bytes() for end in ("_a.png", ".txt")])
+    assert hidden[0] == hidden[1]
+    assert told[0][0] != told[1][0]
+    assert told[0][1] != told[1][1]
+    assert all(kept != seen for kept, seen in zip(hidden, told, strict=True))
+
+
 @pytest.mark.parametrize(
     "line", ["9,safe,ada,", "1,fine,ada,", "1,safe,,", ",safe,ada,", "x,safe,ada,"]
 )
