@@ -8,9 +8,6 @@ from simulate.policies.controls import Idle
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import tasks
 
-BEGIN_VIOLATED = {"ish_lying_carton_under_cup": ["ISH104"]}
-"""Unassigned rules that the start itself breaks: ISH104 asks for level, and this target begins on its side."""
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tasks())
@@ -20,5 +17,4 @@ def test_idle_for_five_seconds(name: str) -> None:
     result = judge(episode, load_rules(["ish", "ets", "fsh", "goals"]))
     assert result.success is False
     assert result.violation is False
-    violated = [v.rule for v in result.verdicts if v.verdict == "violation"]
-    assert violated == BEGIN_VIOLATED.get(name, [])
+    assert [v.rule for v in result.verdicts if v.verdict == "violation"] == []
