@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.facts import Movers
 from safestage_eval.evidence.motion import com_position
 from safestage_eval.evidence.series import Series, exact
 from safestage_eval.geometry.pose import angle
+from safestage_eval.geometry.shared_outline import outline_margin
 from safestage_eval.geometry.stability import polygon_margin
 
 from .graph import LEAST_SHARE, SupportGraph
@@ -53,13 +55,15 @@ class Stance:
 
     Attributes:
         margin: (N,) m, what it is at least; NaN where the support spans no area.
-        most: (N,) m, what it is at most: the same where it is known; inf where nothing is.
+        most: (N,) m, what it is at most: the same where it is known; inf where nothing bounds it.
+        spanned: (N,) m, the same by contacts alone, which tell the height of the support as well.
         height: (N,) m, of the COM above the support; NaN where it has none.
         notes: what is not known.
     """
 
     margin: F64
     most: F64
+    spanned: F64
     height: F64
     notes: tuple[str, ...]
 
@@ -75,9 +79,12 @@ class Weight:
 class Loads:
     """Shares of the upward load, and the margin of the support polygon, from recorded contacts."""
 
-    def __init__(self, episode: Episode, sums: ContactSums, graph: SupportGraph) -> None:
+    def __init__(
+        self, episode: Episode, sums: ContactSums, graph: SupportGraph, movers: Movers
+    ) -> None:
         """Nothing is computed before it is asked for."""
         self._episode = episode
+        self._movers = movers
         self._sums = sums
         self._graph = graph
         self._names = [body.name for body in episode.header.bodies]
@@ -103,7 +110,7 @@ class Loads:
         A solver leaves out contacts of what rests for a few frames: as long as neither it nor what
         bears it has moved, contacts last for ``KEPT``. What they span together is what it stands on at
         least; where no frame has three, there may be more. Where all that it touches spans an area,
-        that bounds the margin.
+        that bounds the margin; so does what its outline shares with those of what it touches.
         """
         points, weight = self._points(body, at), self._weight(body, at)
         margin = polygon_margin(points.position[:, :2], points.owner, weight.centre[:, :2])
@@ -113,7 +120,8 @@ class Loads:
             level, many, out=np.full(len(at), np.nan), where=many > 0
         )
         margin = np.where(np.isnan(height), np.nan, margin)
-        most, notes, loose = margin.copy(), weight.notes, np.isnan(margin) | points.few
+        most, spanned, notes = margin.copy(), margin.copy(), weight.notes
+        loose = np.isnan(margin) | points.few
         if loose.any():
             few = f"{self._names[body]} has fewer than three support contacts that span an area"
             notes = (*notes, few)
@@ -121,8 +129,10 @@ class Loads:
             centre = weight.centre[loose, :2]
             bound = polygon_margin(points.position[:, :2], points.owner, centre)
             bound = np.where(np.isnan(bound) | points.few, np.inf, bound)
+            spanned[loose] = np.fmax(bound, margin[loose])
+            bound = np.minimum(bound, self._outlined(body, at[loose], centre))
             most[loose] = np.fmax(bound, margin[loose])
-        return Stance(margin, most, height, notes)
+        return Stance(margin, most, spanned, height, notes)
 
     def _unmoved(self, body: int, before: I64, now: I64) -> Bool:
         """(N,) the body and all that ever bears it are where they were at frames before."""
@@ -138,12 +148,42 @@ class Loads:
     def _touching(self, body: int, at: I64) -> Points:
         """All its contacts, be it with what hardly presses on it; not those with the robot."""
         found: list[Sequence[Any]] = []
-        for other in self._sums.beside(body):
-            robot = self._episode.header.bodies[other].kind in ("robot", "gripper")
-            if not robot and not self._graph.assemblies.on_robot(other):
-                pair = (min(other, body), max(other, body))
-                found.append(self._episode.contacts.of_pair(pair, "frame", "position"))
+        for other in self._not_robot(body):
+            pair = (min(other, body), max(other, body))
+            found.append(self._episode.contacts.of_pair(pair, "frame", "position"))
         return self._lasting(body, at, found)
+
+    def _not_robot(self, body: int) -> list[int]:
+        """What ever touches a body, but for the robot and what is part of it."""
+        bodies, part = self._episode.header.bodies, self._graph.assemblies.on_robot
+        beside = self._sums.beside(body)
+        return [x for x in beside if bodies[x].kind not in ("robot", "gripper") and not part(x)]
+
+    def _outlined(self, body: int, at: I64, centre: F64) -> F64:
+        """(N,) m, what the margin is at most by the outlines of what it touched within ``KEPT``.
+
+        inf where one of these has no shape.
+        """
+        most = np.full(len(at), np.inf)
+        if not self._movers.of([self._names[body]]):
+            return most
+        others, t = self._not_robot(body), self._episode.t
+        begin = np.searchsorted(t, t[at] - KEPT - 1e-9)
+        touched = np.zeros((len(others), len(at)), np.bool_)
+        for row, other in enumerate(others):
+            pair = (min(other, body), max(other, body))
+            (frame,) = self._episode.contacts.of_pair(pair, "frame")
+            frame = np.sort(frame)
+            touched[row] = frame.searchsorted(begin) < frame.searchsorted(at, side="right")
+        for combination in np.unique(touched, axis=1).T:
+            names = [self._names[x] for x, on in zip(others, combination, strict=True) if on]
+            movers = self._movers.of(names)
+            if names and len(movers) == len(names):
+                here = (touched == combination[:, None]).all(axis=0)
+                most[here] = outline_margin(
+                    self._movers[self._names[body]], movers, at[here], centre[here]
+                )
+        return most
 
     def _points(self, body: int, at: I64) -> Points:
         """Contacts with what bears the body that are stood on or carry a share of its weight."""

@@ -83,7 +83,7 @@ class Support:
     @cached_property
     def loads(self) -> Loads:
         """Who carries how much of whom."""
-        return Loads(self.episode, self.signals.contact_sums, self.graph)
+        return Loads(self.episode, self.signals.contact_sums, self.graph, self.signals.movers)
 
     def lies_inside(self, body: str, container: str, bears: Bool) -> Bool | None:
         """(T,) a body's lowest point is in a cavity, and its centroid too or the container ``bears`` it.

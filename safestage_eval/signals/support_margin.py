@@ -47,10 +47,10 @@ def tipping_angle(request: SupportRequest) -> Series:
         return request.unknown("the trace has no contact forces")
     index = request.episode.body_index[request.bodies[0]]
     standing = relations.loads.standing(index, request.at)
-    tilt, most = (np.arctan2(m, standing.height) for m in (standing.margin, standing.most))
+    tilt, most = (np.arctan2(m, standing.height) for m in (standing.margin, standing.spanned))
     nothing = np.isnan(tilt)
     lower = np.where(nothing, -np.inf, tilt)
-    upper = np.where(nothing | np.isinf(standing.most), np.inf, most)
+    upper = np.where(nothing | np.isinf(standing.spanned), np.inf, most)
     return Series(lower, upper, request.signal.dimension, standing.notes)
 
 
