@@ -171,7 +171,7 @@ class IsaacLabRecorder(RolloutRecorder):
         # a contact that nobody felt is none that was not: then none is recorded
         self.force_source = "none" if unfelt or not self._sensors else "normal"
         self._geom_of = {body: owner.index(body) for body in set(owner)}
-        self._point_log = PointLog(owner)
+        self._point_log = PointLog()
 
     def _masses(self) -> list[float | None]:
         found: list[float | None] = []
@@ -218,7 +218,7 @@ class IsaacLabRecorder(RolloutRecorder):
             self._point_log.end_frame(self._points() if told else ())
 
     def _points(self) -> list[Any]:
-        """Rows of ``contact_points``: a pair's whole force at the middle between the two bodies."""
+        """A pair's whole force at the middle between the two bodies, for ``pack_point``."""
         rows = []
         for sensor, own, others in self._sensors:
             matrix = _numbers(sensor.data.force_matrix_w)[self._index]
@@ -230,13 +230,12 @@ class IsaacLabRecorder(RolloutRecorder):
                     if not size > 0:
                         continue
                     if body not in self._geom_of or other not in self._geom_of:
-                        self._unrecorded += 1
+                        self._point_log.unrecorded += 1
                         continue
                     middle = (poses[body] + poses[other]) / 2
-                    rows.append(
-                        (middle, push / size, push, size, 0.0, self._geom_of[other],
-                         self._geom_of[body])
-                    )  # fmt: skip
+                    geoms = self._geom_of[other], self._geom_of[body]
+                    point = (middle, push / size, push, size, 0.0, *geoms)
+                    rows.append((tuple(sorted((body, other))), size, point))
         return rows
 
     def _places(self) -> Any:
@@ -249,6 +248,7 @@ class IsaacLabRecorder(RolloutRecorder):
         return np.concatenate([np.concatenate(places) - origin, self._stands[:, :3]])
 
     def _contacts(self) -> tuple[Any, Any]:
+        self._unrecorded = self._point_log.unrecorded
         return self._point_log.finish()
 
     def _fixed(self) -> tuple[Any, Any]:

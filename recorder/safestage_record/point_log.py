@@ -2,88 +2,100 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Sequence
+from typing import Any, Callable, Hashable, Sequence, Tuple
 
 import numpy as np
 
-from .frame_contacts import keep_contacts
 from .zip_trace import CONTACT_POINT
 
-NO_SHAPE = int(np.iinfo(np.uint16).max)
-"""``geom1`` of a contact that the trace does not have, as one of its shapes is missing there."""
+Row = Tuple[Hashable, float, Any]
+"""A contact: which pair of bodies touches (None: one of them is not in the trace), the normal force in N, and
+what its point is made of."""
 
 
-def contact_points(rows: Sequence[Any]) -> Any:
-    """(C,) CONTACT_POINT of (position, normal, force, normal force, depth, geom1, geom2)."""
-    return np.array(rows, CONTACT_POINT)
+def pack_point(fields: Any) -> bytes:
+    """One CONTACT_POINT of (position, normal, force, normal force, depth, geom1, geom2)."""
+    return np.array([fields], CONTACT_POINT).tobytes()
 
 
-MANY = 256
-"""Contacts that wait as the simulator's own objects, which take a kilobyte each."""
+def read_points(block: bytes) -> Any:
+    """(C,) CONTACT_POINT of what ``pack_point`` made, one after the other."""
+    return np.frombuffer(block, CONTACT_POINT).copy()
 
 
 class PointLog:
-    """Gathers contacts step by step, and makes each frame's contacts with their peak forces of them."""
+    """Gathers contacts step by step: of a step between frames the largest forces, of a frame its points.
 
-    def __init__(self, owner: Any, read: Callable[[Sequence[Any]], Any] = contact_points) -> None:
+    Attributes:
+        first: pairs that touched since the last frame, and what the point of the first row of each is made of.
+        unrecorded: contacts of shapes that the trace does not have.
+    """
+
+    def __init__(
+        self,
+        pack: Callable[[Any], bytes] = pack_point,
+        read: Callable[[bytes], Any] = read_points,
+    ) -> None:
         """Begin with no contact.
 
         Args:
-            owner: (G,) body number of every shape, in the header's order.
-            read: makes (C,) CONTACT_POINT of what ``take`` is given, one row for each; their
-                ``peak_force`` is the normal force of each.
+            pack: bytes of what the point of a row is made of; the simulator's own objects take a kilobyte each.
+            read: (C,) CONTACT_POINT of many of these, one after the other.
         """
-        self._owner, self._read = np.asarray(owner, np.int64), read
-        self._rows: list[Any] = []
-        self._parts = [np.zeros(0, CONTACT_POINT)]
-        self._sizes: list[int] = []
-        self._ends: list[int] = []
+        self._pack, self._read = pack, read
+        self._largest: dict[Hashable, float] = {}
+        self.first: dict[Hashable, Any] = {}
+        self._packed: list[bytes] = []
+        self._peaks: list[float] = []
+        self._without_force: list[int] = []
+        self._counts: list[int] = []
+        self.unrecorded = 0
 
-    def take(self, rows: Sequence[Any]) -> None:
-        """Take the contacts of a step, to be read later."""
-        if len(self._rows) > MANY:
-            self._read_rows()
-        self._rows += rows
-        self._sizes.append(len(rows))
+    def take(self, rows: Sequence[Row]) -> dict[Hashable, float]:
+        """Take the contacts of a step; return N, the normal force of each pair."""
+        largest, first = self._largest, self.first
+        sums: dict[Hashable, float] = {}
+        for pair, size, point in rows:
+            if pair in sums:
+                sums[pair] += size
+            else:
+                sums[pair] = size
+                if pair not in first:
+                    first[pair] = point
+        if None in sums:
+            self.unrecorded += sum(row[0] is None for row in rows)
+            del sums[None], first[None]
+        for pair, size in sums.items():
+            if size > largest.get(pair, -1.0):
+                largest[pair] = size
+        return sums
 
-    def drop_last(self) -> None:
-        """Take back the last step, which is about to be a frame's."""
-        if len(self._sizes) > (self._ends[-1] if self._ends else 0):
-            count = self._sizes.pop()
-            del self._rows[len(self._rows) - count :]
-
-    def end_frame(self, rows: Sequence[Any]) -> None:
+    def end_frame(self, rows: Sequence[Row]) -> None:
         """Take the contacts of a frame, which ends with it.
 
         A pair that touched between two frames only has one row, without force.
         """
-        self.take(rows)
-        self._ends.append(len(self._sizes))
+        own, before = self.take(rows), len(self._packed)
+        packed, peaks, largest, pack = self._packed, self._peaks, self._largest, self._pack
+        for pair, _, point in rows:
+            if pair is not None:
+                packed.append(pack(point))
+                peaks.append(largest[pair])
+        if len(self.first) > len(own):
+            for pair, point in self.first.items():
+                if pair not in own:
+                    self._without_force.append(len(packed))
+                    packed.append(pack(point))
+                    peaks.append(largest[pair])
+        self._counts.append(len(packed) - before)
+        largest.clear()
+        self.first.clear()
 
     def finish(self) -> tuple[Any, Any]:
         """(C,) CONTACT_POINT of the frames since the last call, and (T,) how many each has."""
-        if not self._ends:
-            return np.zeros(0, CONTACT_POINT), np.zeros(0, np.int64)
-        ends, self._ends = np.array(self._ends), []
-        sizes = self._sizes[: ends[-1]]
-        del self._sizes[: ends[-1]]
-        step = np.repeat(np.arange(len(sizes)), sizes)
-        self._read_rows()
-        every = np.concatenate(self._parts)
-        points, self._parts = every[: len(step)], [every[len(step) :]]
-        there = np.flatnonzero(points["geom1"] != NO_SHAPE)
-        points, step = points[there], step[there]
-        if not len(points):
-            return points, np.zeros(len(ends), np.int64)
-        first, second = self._owner[points["geom1"]], self._owner[points["geom2"]]
-        code = np.minimum(first, second) << 20 | np.maximum(first, second)
-        pair = np.unique(code, return_inverse=True)[1].ravel()
-        kept = keep_contacts(step, pair, points["peak_force"].astype(float), ends)
-        points = points[kept.rows]
-        points["force"] *= kept.own[:, None]
-        points["peak_force"] = kept.peak
-        return points, np.bincount(kept.frame, minlength=len(ends)).astype(np.int64)
-
-    def _read_rows(self) -> None:
-        self._parts.append(self._read(self._rows))
-        self._rows = []
+        points = self._read(b"".join(self._packed))
+        points["peak_force"] = self._peaks
+        points["force"][self._without_force] = 0.0
+        counts = np.array(self._counts, np.int64)
+        self._packed, self._peaks, self._without_force, self._counts = [], [], [], []
+        return points, counts

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, Sequence
+from typing import Any, Container, Sequence
 
 import numpy as np
 
-from .point_log import PointLog
+from .point_log import PointLog, Row
 from .record_error import RecordError
 from .rollout_recorder import RolloutRecorder
 from .told_facts import ToldFacts
@@ -29,7 +29,7 @@ class PointRecorder(RolloutRecorder):
         super().__init__(path, told, frame_dt, **header)
         self._elapsed, self._next = 0.0, -np.inf
         self._seen = 0
-        self._point_log = PointLog([])
+        self._point_log = PointLog(self._pack_point, self._read_points)
 
     @property
     def time(self) -> float:
@@ -50,8 +50,8 @@ class PointRecorder(RolloutRecorder):
             return
         if self._frame_dt is not None and self._elapsed > self._next:
             self._take_frame()
-        else:
-            self._point_log.take(self._points())
+        else:  # of a step that a frame is taken of, too: it changes no maximum
+            self._point_log.take(self._points(self._point_log.first))
 
     # ------------------------------------------------------------------ what a simulator supplies
 
@@ -60,18 +60,18 @@ class PointRecorder(RolloutRecorder):
         """Copy what is now, and keep it."""
 
     @abstractmethod
-    def _points(self) -> Sequence[Any]:
-        """Contacts of the last step, as ``_read_points`` takes them."""
+    def _points(self, known: Container[Any] = ()) -> Sequence[Row]:
+        """Contacts of the last step that touch; of the pairs that are ``known`` the force is enough."""
 
     @abstractmethod
-    def _read_points(self, rows: Sequence[Any]) -> Any:
-        """(C,) CONTACT_POINT of contacts of many steps; ``peak_force`` is each one's normal force."""
+    def _pack_point(self, point: Any) -> bytes:
+        """Bytes of what the point of a row is made of."""
+
+    @abstractmethod
+    def _read_points(self, block: bytes) -> Any:
+        """(C,) CONTACT_POINT of packed points, one after the other."""
 
     # ------------------------------------------------------------------ inside
-
-    def _own(self, owner: Sequence[int]) -> None:
-        """Say whose the shapes are: (G,) body number of each, in the header's order."""
-        self._point_log = PointLog(owner, self._read_points)
 
     def _keep_points(self, frame: Any) -> None:
         points = self._points() if self._seen else ()
@@ -86,7 +86,6 @@ class PointRecorder(RolloutRecorder):
                 "recorder.substep() after each, and step(action) after each control step."
             )
         if self._frame_dt is None or not self._looks:
-            self._point_log.drop_last()
             self._take_frame()
         return self._elapsed
 
@@ -94,6 +93,7 @@ class PointRecorder(RolloutRecorder):
         return self._looks and self._seen > 0
 
     def _contacts(self) -> tuple[Any, Any]:
+        self._unrecorded = self._point_log.unrecorded
         return self._point_log.finish()
 
     def _fixed(self) -> tuple[Any, Any]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
-from typing import Any, Callable, Mapping, Sequence
+from struct import Struct
+from typing import Any, Callable, Container, Mapping, Sequence
 
 import numpy as np
 
-from .point_log import NO_SHAPE
+from .point_log import Row
 from .point_recorder import PointRecorder
 from .record_error import RecordError
 from .rollout_recorder import FRAME_DT
@@ -20,8 +22,9 @@ _SCENE = re.compile(r"^scene-\d+[-_]")
 _QUARTER = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 """Turns z to x: PhysX has the axes of capsules, cylinders and normals of planes along x."""
 
-_NOTHING = (bytes(12), bytes(24))
-"""Three zeros."""
+_TOUCH = np.dtype([("numbers", "<f8", 10), ("geoms", "<u2", 2)])
+"""Impulse (N s) on the first body, normal to it, position (m), distance (m), and its shapes."""
+_pack_touch = Struct("<10d2H").pack
 _watchers: list[SapienRecorder] = []
 _originals: dict[str, Callable[..., Any]] = {}
 
@@ -203,7 +206,7 @@ class SapienRecorder(PointRecorder):
             np.array([pose.p for pose in stands], float).reshape(-1, 3),
             np.array([pose.q for pose in stands], float).reshape(-1, 4),
         )
-        self._own(owner)
+        self._owner = owner
         self._fingers = [j for j, i in enumerate(self._active) if i in sides]
 
     def _at(self, part: Any) -> int:
@@ -244,25 +247,34 @@ class SapienRecorder(PointRecorder):
         _unwatch(self)
 
     def _take_frame(self) -> None:
-        poses = [part.entity_pose for part in self._mobile]
-        joints = [(whole.qpos, whole.qvel, whole.qf) for whole in self._articulations]
-        self._keep_points(([(pose.p, pose.q) for pose in poses], joints))
+        told: list[Any] = []
+        for part in self._mobile:
+            pose = part.entity_pose
+            told += (pose.p, pose.q)
+        for whole in self._articulations:
+            told += (whole.qpos, whole.qvel, whole.qf)
+        self._keep_points(b"".join(told))
 
-    def _points(self) -> list[Any]:
-        """Row of each point that may touch: impulse, normal, position, distance, and its shapes."""
-        rows = []
+    def _points(self, known: Container[Any] = ()) -> list[Row]:
+        rows: list[Row] = []
+        numbers, owner, dt = self._geom_by_id, self._owner, self._physics_dt
         for contact in self.physx.get_contacts():
-            geoms = None
+            pair = None
             for point in contact.points:
-                apart, push = point.separation, point.impulse
-                if apart > 0 and push.tobytes() in _NOTHING:
-                    continue
-                if geoms is None:
-                    geoms = [
-                        self._geom_by_id.get(id(shape)) or self._geom_number(part, shape)
-                        for part, shape in zip(contact.bodies, contact.shapes)
-                    ]
-                rows.append((push, point.normal, point.position, apart, *geoms))
+                x, y, z = push = point.impulse.tolist()
+                size = math.sqrt(x * x + y * y + z * z) / dt
+                if size > 0.0 or point.separation <= 0.0:
+                    if pair is None:
+                        first, second = (
+                            numbers.get(id(shape)) or self._geom_number(part, shape)
+                            for part, shape in zip(contact.bodies, contact.shapes)
+                        )
+                        a, b = owner[first], owner[second]
+                        pair = a << 20 | b if a < b else b << 20 | a
+                    told = None
+                    if pair not in known:
+                        told = push, point.normal, point.position, point.separation, first, second
+                    rows.append((pair, size, told))
         return rows
 
     def _geom_number(self, part: Any, shape: Any) -> int:
@@ -273,29 +285,31 @@ class SapienRecorder(PointRecorder):
                 return self._geom_of[body, k]
         return self._geom_of[body, 0]
 
-    def _read_points(self, rows: Sequence[Any]) -> Any:
-        points = np.zeros(len(rows), CONTACT_POINT)
-        points["geom1"] = NO_SHAPE
-        if not rows:
-            return points
-        push, normal, position, apart, first, second = map(np.array, zip(*rows))
-        push = push.astype(float) / self._physics_dt
-        size = np.sqrt((push * push).sum(axis=1))
+    def _pack_point(self, point: Any) -> bytes:
+        push, normal, position, *rest = point
+        return _pack_touch(*push, *normal.tolist(), *position.tolist(), *rest)
+
+    def _read_points(self, block: bytes) -> Any:
+        told = np.frombuffer(block, _TOUCH)
+        points = np.zeros(len(told), CONTACT_POINT)
+        numbers = told["numbers"]
         # the impulse is the one on the first body, and the normal points to it
-        points["position"], points["normal"], points["force"] = position, -normal, -push
-        points["peak_force"], points["depth"] = size, -apart
-        there = (size > 0) | (apart <= 0)
-        points["geom1"][there], points["geom2"][there] = first[there], second[there]
+        points["force"] = -numbers[:, :3] / self._physics_dt
+        points["normal"], points["position"] = -numbers[:, 3:6], numbers[:, 6:9]
+        points["depth"] = -numbers[:, 9]
+        points["geom1"], points["geom2"] = told["geoms"].T
         return points
 
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
-        poses = np.array([[np.concatenate(pose) for pose in some] for some, _ in frames])
-        poses = poses.reshape(len(frames), -1, 7)
-        joints = np.array(
-            [np.concatenate([np.stack(one, axis=1) for one in some]) for _, some in frames]
-            if self._articulations
-            else np.zeros((len(frames), 0, 3))
-        )
+        every = np.frombuffer(b"".join(frames), np.float32).reshape(len(frames), -1)
+        width = 7 * len(self._mobile)
+        poses = every[:, :width].reshape(len(frames), -1, 7)
+        parts, at = [], width
+        for whole in self._articulations:
+            own = every[:, at : at + 3 * whole.dof].reshape(len(frames), 3, -1)
+            parts.append(own.swapaxes(1, 2))
+            at += 3 * whole.dof
+        joints = np.concatenate([np.zeros((len(frames), 0, 3)), *parts], axis=1)
         # PhysX's velocities of what is squeezed or pushed are not those of its motion
         unsaid = np.full(poses[..., :3].shape, np.nan)
         return {

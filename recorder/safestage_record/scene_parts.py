@@ -99,16 +99,30 @@ def floats(values: Any) -> list[float]:
     return [float(v) for v in values]
 
 
+def cross(first: Any, second: Any) -> Any:
+    """(…, 3) cross product; several times as fast as NumPy's for many short rows."""
+    a, b, c = first[..., 0], first[..., 1], first[..., 2]
+    x, y, z = second[..., 0], second[..., 1], second[..., 2]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+
+
 def turn(quats: Any, vectors: Any) -> Any:
     """(…, 3) vectors turned by (…, 4) wxyz quaternions."""
     axis = quats[..., 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + quats[..., :1] * twice + np.cross(axis, twice)
+    twice = 2.0 * cross(axis, vectors)
+    return vectors + quats[..., :1] * twice + cross(axis, twice)
 
 
 def multiply(first: Any, second: Any) -> Any:
     """(…, 4) wxyz, the turn by ``second`` and then by ``first``."""
-    a, u = first[..., :1], first[..., 1:]
-    b, v = second[..., :1], second[..., 1:]
-    real = a * b - (u * v).sum(axis=-1, keepdims=True)
-    return np.concatenate([real, a * v + b * u + np.cross(u, v)], axis=-1)
+    a, b, c, d = (first[..., k] for k in range(4))
+    w, x, y, z = (second[..., k] for k in range(4))
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=-1,
+    )

@@ -5,16 +5,24 @@ import numpy as np
 from safestage_record.mesh_files import read_hulls
 from safestage_record.point_log import PointLog
 
+BODIES = [0, 1, 1, 2]
+"""Shapes 1 and 2 are of one body."""
+
 
 def rows(*touches):
     """Contacts of (geom, geom, normal force), all along z."""
     return [
-        ((0, 0, 0), (0, 0, 1), (0, 0, n), n, 0.001, first, second) for first, second, n in touches
+        (
+            frozenset((BODIES[first], BODIES[second])),
+            n,
+            ((0, 0, 0), (0, 0, 1), (0, 0, n), n, 0.001, first, second),
+        )
+        for first, second, n in touches
     ]
 
 
 def test_a_pairs_peak_is_the_largest_sum_of_a_step_since_the_frame_before():
-    log = PointLog([0, 1, 1, 2])  # shapes 1 and 2 are of one body
+    log = PointLog()
     log.take(rows((0, 1, 2.0), (2, 0, 3.0)))  # the pair of bodies 0 and 1: 5 N together
     log.take(rows((0, 1, 4.0), (0, 3, 7.0)))
     log.end_frame(rows((0, 1, 1.0), (0, 2, 0.5)))
@@ -29,12 +37,23 @@ def test_a_pairs_peak_is_the_largest_sum_of_a_step_since_the_frame_before():
 
 
 def test_steps_after_the_last_frame_count_for_the_next_one():
-    log = PointLog([0, 1])
+    log = PointLog()
     log.end_frame(rows((0, 1, 1.0)))
     log.take(rows((0, 1, 9.0)))
     assert log.finish()[0]["peak_force"].tolist() == [1.0]
     log.end_frame(rows((0, 1, 2.0)))
     assert log.finish()[0]["peak_force"].tolist() == [9.0]
+
+
+def test_contacts_of_what_the_trace_lacks_are_counted_and_left_out():
+    log = PointLog()
+    unknown = [(None, 3.0, None)]
+    log.take(unknown + rows((0, 1, 2.0)))
+    log.end_frame(rows((0, 3, 1.0)) + unknown * 2)
+    points, counts = log.finish()
+    assert log.unrecorded == 3
+    assert counts.tolist() == [2]
+    assert points["peak_force"].tolist() == [1.0, 2.0]
 
 
 def test_each_part_of_a_decomposed_mesh_is_a_hull_of_its_own(tmp_path):

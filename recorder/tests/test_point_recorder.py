@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from zip_arrays import read
 
-from safestage_record.point_log import contact_points
+from safestage_record.point_log import pack_point, read_points
 from safestage_record.point_recorder import PointRecorder
 from safestage_record.scene_parts import MeshStore, describe_body, describe_geom
 from safestage_record.told_facts import ToldFacts
@@ -22,20 +22,22 @@ class Falling(PointRecorder):
             describe_body(name, kind, kind == "object", [describe_geom("sphere", [0.1])], mass=1.0)
             for name, kind in zip(names, ("fixture", "object"))
         ]
-        self._own([0, 1])
         self._looks, self.looked = looks, 0
         self._take_frame()
 
     def _take_frame(self):
         self._keep_points(self._seen)
 
-    def _points(self):
+    def _points(self, known=()):
         self.looked += 1
         touch = ((0, 0, 0), (0, 0, 1), (0, 0, 5.0), 5.0, 0.001, 0, 1)
-        return [touch] if self._seen % 10 == 2 else []
+        return [("ball on floor", touch[3], touch)] if self._seen % 10 == 2 else []
 
-    def _read_points(self, rows):
-        return contact_points(rows)
+    def _pack_point(self, point):
+        return pack_point(point)
+
+    def _read_points(self, block):
+        return read_points(block)
 
     def _columns(self, frames):
         count = len(frames)
