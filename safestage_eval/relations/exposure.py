@@ -132,6 +132,9 @@ class Causes:
         self._perhaps = Exposure(
             self._episode, self._movable, self._may_touch, self._passes, assemblies.of
         )
+        self._open = Exposure(
+            self._episode, self._beside, relations.may_touch, self._passes, assemblies.of
+        )
         self._maybe: dict[tuple[int, int], Bool] = {}
         self._asked: set[int] = set()
 
@@ -139,6 +142,10 @@ class Causes:
         """Frame from which it is certain; ``NEVER`` if it never is."""
         self._asked.add(body)
         return self._sure.since(body, self._robot)
+
+    def open_since(self, body: int) -> int:
+        """Frame from which it is certain if all of which the force is not known touched."""
+        return self._open.since(body, self._robot)
 
     def unexplained(self) -> bool:
         """Some body that was asked about moved, or may have, and the robot never had to do with it.
@@ -223,7 +230,9 @@ class Causes:
             elif len(movers.of(names)) < len(names):
                 may = np.zeros(len(self._episode), np.bool_)  # mere frames
             else:
+                lost = self._relations.signals.gaps.of_pair(*key)
                 may = self._touching(*key) | self._may_meet(*names)
+                may = may if lost is None else may | lost
             self._maybe[key] = may
         return self._maybe[key]
 

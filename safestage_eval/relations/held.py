@@ -81,6 +81,40 @@ def by_pressure(episode: Episode, body: int, beside: Iterable[int]) -> Bool:
     return held
 
 
+def may_differ(episode: Episode, body: int, beside: Iterable[int], at: Bool, held: Bool) -> Bool:
+    """(T,) true where fingers that press harder than recorded would change what ``by_pressure`` says.
+
+    They cannot where one side touches nothing, or no two normals of the sides are at least 90° apart; nor
+    where it is ``held`` (T,) and all of them are.
+
+    Args:
+        episode: whose bodies these are.
+        body: index into ``header.bodies``.
+        beside: the bodies that ever touch it.
+        at: (T,) frames at which they may press harder.
+        held: (T,) what ``by_pressure`` says.
+    """
+    out = np.zeros(len(episode), np.bool_)
+    for sides in _grippers(episode, body, beside).values():
+        if len(sides) < 2:
+            continue
+        for frame in np.flatnonzero(at & ~out).tolist():
+            left, right = (_inward(episode, body, fingers, frame) for fingers in sides.values())
+            opposed = left @ right.T <= 0
+            out[frame] = opposed.any() and not (held[frame] and opposed.all())
+    return out
+
+
+def _inward(episode: Episode, body: int, fingers: Iterable[int], frame: int) -> F64:
+    """(C, 3) normals into the body of all contacts with fingers at a frame."""
+    found = [np.zeros((0, 3))]
+    for finger in fingers:
+        pair = (min(finger, body), max(finger, body))
+        frames, normal = episode.contacts.of_pair(pair, "frame", "normal")
+        found.append((1.0 if body > finger else -1.0) * normal[frames == frame])
+    return np.concatenate(found)
+
+
 def _pressure(episode: Episode, body: int, fingers: Iterable[int]) -> tuple[F64, F64]:
     """(T,) N, how hard the fingers press on the body; (T, 3) N, the sum of these normal forces."""
     frames = len(episode)

@@ -128,6 +128,11 @@ class Relations(Support):
         return Exposure(self.episode, self.touches.beside, self.touches.touching)
 
     @cached_property
+    def open_exposure(self) -> Exposure:
+        """Who may have touched whom: all of which the force is not known touched."""
+        return Exposure(self.episode, self.touches.beside, self.may_touch)
+
+    @cached_property
     def causes(self) -> Causes:
         """Since when the robot has had to do with whom."""
         return Causes(self)
@@ -200,7 +205,13 @@ class Relations(Support):
         return self.store.unmeasured(query, lambda _: self._unmeasured(name, bodies))
 
     def _unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
-        lost = unmeasured.lost_by(self, name, bodies, lambda: self.get(name, bodies))
+        lost = unmeasured.lost_by(
+            self,
+            name,
+            bodies,
+            lambda: self.get(name, bodies),
+            lambda: self._if_touched(name, bodies),
+        )
         if (
             RELATIONS[name].rests_on == "bodies" or RELATIONS[name].gate
         ) or not self.bearers_unseen:
@@ -209,6 +220,16 @@ class Relations(Support):
         if truth is None or truth.all():
             return lost
         return unmeasured.either(lost, ~truth)
+
+    def _if_touched(self, name: str, bodies: tuple[str, ...]) -> Bool:
+        """(T,) truth of ``caused`` or ``exposed_to`` if all of which the force is not known touched."""
+        first, *second = (
+            [self.episode.body_index[b] for b in self.signals.bodies(name)] for name in bodies
+        )
+        if name == "caused":
+            since = min(self.causes.open_since(body) for body in first)
+            return np.asarray(np.arange(len(self.episode)) >= since)
+        return self.open_exposure.exposed(first, second[0])
 
     def caveat(self, name: str) -> tuple[str, ...]:
         """How a relation is decided where it needs forces and there are none: a note, or nothing."""
@@ -312,7 +333,8 @@ class Relations(Support):
         alone = (
             name == "edge_margin" and len(bodies) == 1 and not self.blind
         )  # it sees to poses itself
-        elsewhere = None if name == "overlap_xy" else unmeasured.lost_between(self, None, None)
+        sees = name in ("overlap_xy", "fall", "moved_by", "tipped_by")  # to forces itself
+        elsewhere = None if sees else unmeasured.lost_near(self, bodies)
         return unmeasured.either(lost, None if alone else unmeasured.lost_poses(self), elsewhere)
 
     def measure(

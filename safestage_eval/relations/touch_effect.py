@@ -55,7 +55,8 @@ def effect_of_touch(request: SupportRequest) -> Series:
     """(T,) how far the touches of two bodies or unions moved or, for an angle, tipped either.
 
     m or rad. A touch is a force at the frame or since the one before. It begins where the body was at
-    the frame before it. Without forces a touch is a distance of at most 1 mm, and may be none.
+    the frame before it. Without forces a touch is a distance of at most 1 mm, and may be none; where
+    a force is unknown, it may be one.
     """
     relations, angle = request.relations, request.signal.dimension == "angle"
     signals, seconds = relations.signals, request.number("over")
@@ -66,10 +67,10 @@ def effect_of_touch(request: SupportRequest) -> Series:
             it = episode.bodies[body]
             if not it.movable or it.kind in ("robot", "gripper", "region"):
                 continue
-            touching = _touching(relations, body, others)
-            if not touching.any():
+            sure, may = _touching(relations, body, others)
+            if not may.any():
                 continue
-            low, high = _done(relations, body, touching, seconds, angle)
+            low, high = _done(relations, body, sure, may, seconds, angle)
             np.maximum(lower, low, out=lower)
             np.maximum(upper, high, out=upper)
     if not upper.any():
@@ -80,25 +81,33 @@ def effect_of_touch(request: SupportRequest) -> Series:
     return Series(lower, same, request.signal.dimension)
 
 
-def _touching(relations: Support, body: str, others: Sequence[str]) -> Bool:
-    """(T,) the body touches one of the others, or did since the frame before."""
+def _touching(relations: Support, body: str, others: Sequence[str]) -> tuple[Bool, Bool]:
+    """(T,) the body certainly touches one of the others, or did since the frame before; and it may."""
     index = relations.episode.body_index
     near = set(relations.touches.beside(index[body]))
-    out = np.zeros(len(relations.episode), np.bool_)
+    out, lost = (np.zeros(len(relations.episode), np.bool_) for _ in range(2))
     for other in others:
         if index[other] not in near or other == body:
             continue
         if relations.blind:
             out |= relations.proximity.touching(index[body], index[other])
         else:
-            out |= relations.signals.contact_sums.peak(index[body], index[other]) > 0
-    return out
+            sums, pair = relations.signals.contact_sums, (index[body], index[other])
+            out |= sums.peak(*pair) > 0
+            if (unknown := sums.unknown(*pair)) is not None:
+                lost |= unknown
+    return out, out | lost if (lost & ~out).any() else out
 
 
 def _done(
-    relations: Support, body: str, touching: Bool, over: float, angle: bool
+    relations: Support, body: str, sure: Bool, may: Bool, over: float, angle: bool
 ) -> tuple[F64, F64]:
-    """(T,) what each touch did, on the frames of the touch; unknown where the recording broke off."""
+    """(T,) what each touch did, on the frames of the touch; unknown where the recording broke off.
+
+    Of what ``may`` be a touch and is not ``sure`` to be one (T,), the first part does at least what it does if
+    the rest is none, provided that it is sure. Otherwise nothing, and at most what there is to do: what is
+    away from one place by d is away from another such place by 2 d.
+    """
     episode = relations.episode
     t, track = episode.t, episode.track(body)
     axis = episode.bodies[body].up_axis
@@ -108,14 +117,27 @@ def _done(
     broken_off = episode.header.termination in ("truncated", "error")
     if max(way.place.max(axis=0) - way.place.min(axis=0)) < STIRS and up is None:
         return lower, upper
-    for begin, end in runs(touching).tolist():
+    for begin, end in runs(may).tolist():
+        open_ = np.flatnonzero(~sure[begin:end])
         start = max(begin - 1, 0)
         before = min(int(t.searchsorted(t[start] - PROMPT - 1e-9)), max(start - 1, 0))
+        soon, last = (int(t.searchsorted(t[end - 1] + after + 1e-9)) for after in (PROMPT, over))
+        cut = broken_off and last >= len(t)
+        if len(open_):
+            whole = float(way.gone(start, start, max(last, end))[int(angle)].max())
+            upper[begin:end] = np.inf if cut else 2 * whole
+            end = begin + int(open_[0])  # noqa: PLW2901 — the sure part
+            if end == begin or way.stirs(start, before, start + 1):
+                continue
+            soon, last = (
+                int(t.searchsorted(t[end - 1] + after + 1e-9)) for after in (PROMPT, over)
+            )
+            if way.stirs(start, start, min(max(soon, end + 1), len(t))):
+                lower[begin:end] = way.gone(start, start, last)[int(angle)].max()
+            continue
         if way.stirs(start, before, start + 1):
             continue  # on its way already
-        soon = max(int(t.searchsorted(t[end - 1] + PROMPT + 1e-9)), end + 1)
-        last = int(t.searchsorted(t[end - 1] + over + 1e-9))
-        cut = broken_off and last >= len(t)
+        soon = max(soon, end + 1)
         if not way.stirs(start, start, min(soon, len(t))):
             if cut and soon >= len(t):
                 upper[begin:end] = np.inf

@@ -26,27 +26,37 @@ def either(*masks: Bool | None) -> Bool | None:
 
 
 def lost_by(
-    relations: Support, name: str, bodies: tuple[str, ...], get: Callable[[], Bool | None]
+    relations: Support,
+    name: str,
+    bodies: tuple[str, ...],
+    get: Callable[[], Bool | None],
+    get_if_touched: Callable[[], Bool],
 ) -> Bool | None:
     """(T,) where something that a relation rests on was not measured, as far as it was read.
 
-    ``get``: returns the relation's truth (T,).
+    Args:
+        relations: of the episode.
+        name: of the relation.
+        bodies: names of bodies or unions.
+        get: returns the relation's truth (T,).
+        get_if_touched: returns it of a relation that rests on the past, with forces, if all of which the
+            force is unknown touched.
     """
     gaps, index = relations.signals.gaps, relations.episode.body_index
     rests_on = RELATIONS[name].rests_on
     if not rests_on:
         return None
     if rests_on == "past":
-        lost = lost_between(relations, None, None)
-        if lost is None:
-            return None
         truth = get()
-        after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
-        return after if truth is None else (after & ~truth) | (lost & truth & after)
+        lost = lost_poses(relations) if relations.blind or truth is None else gaps.unseen
+        if lost is not None:
+            after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
+            lost = after if truth is None else (after & ~truth) | (lost & truth & after)
+        if relations.blind or truth is None or not gaps.pairs:
+            return lost
+        return either(lost, get_if_touched() & ~truth)
     chained = rests_on == "chain"
-    near = (
-        None if chained else {index[b] for body in bodies for b in relations.signals.bodies(body)}
-    )
+    near = {index[b] for body in bodies for b in relations.signals.bodies(body)}
     if relations.blind or name == "inside":
         poses = [] if chained else [*bodies]
         if name == "held":
@@ -58,8 +68,12 @@ def lost_by(
     if name == "supports":
         return lost_between(relations, near, near)
     if name == "held":
-        return lost_between(relations, near, None)
-    lost_here = lost_between(relations, None, None)
+        fingers = {i for i, b in enumerate(relations.episode.header.bodies) if b.finger}
+        lost_here = lost_between(relations, near, fingers)
+        if lost_here is None:
+            return None
+        return either(gaps.unseen, *(relations.grip_open(body, lost_here) for body in near))
+    lost_here = lost_near(relations, bodies)
     return either(lost_here, lost_poses(relations)) if name == "depends_on" else lost_here
 
 
@@ -77,6 +91,38 @@ def lost_between(
         if ((first is None or i in first) and (second is None or j in second))
         or ((first is None or j in first) and (second is None or i in second))
     )
+
+
+def lost_near(relations: Support, bodies: tuple[str, ...]) -> Bool | None:
+    """(T,) where a force on one of the bodies is not known, or on what hangs together with it by touch.
+
+    Touches of unknown force count; the robot and what stands fixed pass nothing on.
+    """
+    gaps, sums, index = (
+        relations.signals.gaps, relations.signals.contact_sums, relations.episode.body_index,
+    )  # fmt: skip
+    if relations.blind:
+        return lost_poses(relations)
+    sums.look(gaps.read)
+    if not gaps.pairs:
+        return gaps.unseen
+    assemblies, always = relations.graph.assemblies, np.ones(len(relations.episode), np.bool_)
+    ends = assemblies.fixed | assemblies.robot
+    named = {index[b] for body in bodies for b in relations.signals.bodies(body)}
+    reached = dict.fromkeys(named - ends, always)
+    todo = [*reached]
+    while todo:
+        body = todo.pop()
+        parts = assemblies.of(body)
+        for other in (parts | {*sums.beside(body)}) - ends - {body}:
+            joined = always if other in parts else relations.may_touch(body, other)
+            before = reached.get(other, ~always)
+            if (gained := joined & reached[body] & ~before).any():
+                reached[other] = before | gained
+                todo.append(other)
+    lost = [reached[body] & known for body in reached for other in sums.beside(body)
+            if (known := sums.unknown(body, other)) is not None]  # fmt: skip
+    return either(gaps.unseen, *lost)
 
 
 def lost_poses(relations: Support) -> Bool | None:

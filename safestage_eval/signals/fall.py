@@ -64,8 +64,8 @@ def fall(request: SupportRequest) -> Series:
     m. The frame in which a fall ends counts what was lost since the frame before. The lower end is
     what it certainly fell: from the first frame at which nothing kept it, or from the frame before
     if it rested there and no hand can have been near in between. The upper end is all that its
-    lowest point lost since the last frame at which something certainly kept it. What the hand has
-    at two frames in a row, it has between them too.
+    lowest point lost since the last frame at which something certainly kept it, or a later one at which
+    something may have. What the hand has at two frames in a row, it has between them too.
     """
     relations, name = request.relations, request.bodies[0]
     try:
@@ -89,7 +89,7 @@ def fall(request: SupportRequest) -> Series:
     unaided = _unaided(relations, name, ground, before, begin, lost)
     certain = np.where(unaided, lost(np.maximum(before, 0), frames), certain)
     since = np.maximum(_latest(ground.sure), 0)
-    most = low[since] - low
+    most = _highest(low, since, ground.perhaps) - low
     last = np.maximum(frames - 1, 0)
     most[ground.taken & ground.taken[last] & (since == last)] = 0.0
     certain, most = (np.where(some < LEAST, 0.0, some) for some in (certain, most))
@@ -101,6 +101,17 @@ def _latest(truth: Bool) -> NDArray[np.int64]:
     latest = np.full(len(truth), -1, np.int64)
     latest[1:] = np.where(truth, np.arange(len(truth)), -1)[:-1]
     return np.maximum.accumulate(latest)
+
+
+def _highest(low: F64, since: NDArray[np.int64], perhaps: Bool) -> F64:
+    """(T,) m, the greatest height ``low`` before each frame, at ``since`` or at a frame after it of ``perhaps``."""
+    highest = low[since]
+    for now in np.flatnonzero(perhaps[:-1] & (since[1:] != np.arange(len(low) - 1))) + 1:
+        alike = np.searchsorted(
+            since, since[now], "right"
+        )  # of the frames that look back to the same one
+        np.maximum(highest[now:alike], low[now - 1], out=highest[now:alike])
+    return highest
 
 
 def _unaided(

@@ -92,23 +92,9 @@ class ForeignFacts:
         return result
 
     @property
-    def arm(self) -> NDArray[np.intp]:
-        """Indices of the degrees of freedom of hinges and slides that motors of an arm move."""
-        model, axes = (
-            self._model,
-            {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)},
-        )
-        driven = _driven_bodies(model)
-        return np.array(
-            [
-                int(model.jnt_dofadr[j])
-                for j in range(model.njnt)
-                if int(model.jnt_type[j]) in axes
-                and int(model.jnt_bodyid[j]) in driven
-                and self._kind(int(model.jnt_bodyid[j])) == "robot"
-            ],
-            np.intp,
-        )
+    def driven(self) -> NDArray[np.intp]:
+        """Indices of all degrees of freedom of robots."""
+        return np.flatnonzero([self._robot(int(body)) for body in self._model.dof_bodyid])
 
     def openness(self) -> Openness | None:
         """Gripper opening from its joints; None where the fingers do not show it."""

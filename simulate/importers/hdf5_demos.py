@@ -80,15 +80,16 @@ class DemoFile:
             demo = data[name]
             columns = {
                 key: np.asarray(demo[key][()])
-                for key in ("states", "actions", "rewards")
+                for key in ("states", "actions", "ctrl", "rewards")
                 if key in demo
             }
-            actions = columns.get("actions", np.zeros((0, 0)))
+            actions, ctrl = (columns.get(key, np.zeros((0, 0))) for key in ("actions", "ctrl"))
             return Stored(
                 where=where,
                 model=_text(demo.attrs.get("model_file")),
                 states=columns.get("states"),
                 actions=actions if actions.ndim == 2 else np.zeros((0, 0)),
+                ctrl=ctrl if ctrl.ndim == 2 else np.zeros((0, 0)),
                 rewards=columns.get("rewards"),
                 meta=_json(demo.attrs.get("ep_meta")),
                 about={k: _text(v) or v for k, v in data.attrs.items() if np.ndim(v) == 0},

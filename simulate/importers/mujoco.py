@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ from safestage_eval.importers.importer import Importer, Settings, SourceError
 from .foreign_facts import ForeignFacts
 from .hdf5_demos import DemoFile
 from .model_file import Loaded, load_model
-from .recorder_mujoco import RecorderMujoco
+from .recorder_mujoco import RecorderMujoco, States
 from .state_arrays import StateArrays
 from .state_folders import StateFolders
 from .state_rows import Rows, episode, split
@@ -81,8 +81,8 @@ class MujocoStates(Importer):
         if self._elsewhere is None:
             return replace(rows, same=stored.mujoco_version == mujoco.__version__)
         weigh(rows.loaded.model, mujoco.MjData(rows.loaded.model), self.settings.map)
-        held = ForeignFacts(rows.loaded.model).arm
-        touches = self._elsewhere.touches(rows.loaded, rows.qpos, rows.qvel, held, stored.where)
+        driven = ForeignFacts(rows.loaded.model).driven
+        touches = self._elsewhere.touches(rows.loaded, rows.states, driven, stored.where)
         return replace(rows, touches=touches)
 
     def read(self, name: str, account: Account) -> Episode:
@@ -96,7 +96,8 @@ class MujocoStates(Importer):
         given = self.settings.dt or self.settings.map.source.dt
         clock = _clock(stored, time, given, account)
         header = _header(stored, clock, loaded.model.opt.timestep, account)
-        rows = Rows(loaded, clock, qpos, qvel, _actions(stored, len(clock)))
+        states = States(clock, qpos, qvel, _ctrl(stored, loaded.model, len(clock)))
+        rows = Rows(loaded, states, _of_rows(stored.actions, len(clock)))
         rows = self._with_contacts(rows, stored)
         return episode(rows, header, self.settings.map, account)
 
@@ -152,11 +153,17 @@ def _clock(stored: Stored, time: F64, given: float | None, account: Account) -> 
     return np.asarray(dt * np.arange(len(time)), np.float64)
 
 
-def _actions(stored: Stored, rows: int) -> F64:
-    """(T, A) the command that each row's action is; none if their numbers differ."""
-    if len(stored.actions) != rows:
+def _of_rows(commands: NDArray[Any], rows: int) -> F64:
+    """(T, A) a command for each row; none if their numbers differ."""
+    return np.asarray(commands, np.float64) if len(commands) == rows else np.zeros((rows, 0))
+
+
+def _ctrl(stored: Stored, model: mujoco.MjModel, rows: int) -> F64:
+    """(T, nu) the actuators' commands; (T, 0) where they are not stored, or do not tell the actuators' forces."""
+    ctrl = stored.ctrl
+    if ctrl.shape != (rows, model.nu) or ctrl.dtype.kind not in "iuf" or model.na:
         return np.zeros((rows, 0))
-    return np.asarray(stored.actions, np.float64)
+    return _of_rows(ctrl if np.isfinite(ctrl).all() else ctrl[:0], rows)
 
 
 def _header(stored: Stored, clock: F64, physics_dt: float, account: Account) -> Header:

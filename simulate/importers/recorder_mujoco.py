@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from safestage_eval.formats import CONTACT_POINT
 from safestage_eval.importers.importer import SourceError
 
+from .forward_pass import contacts
 from .model_file import Loaded
 
 F64 = NDArray[np.float64]
@@ -34,6 +36,30 @@ class Touches:
 
     version: str
     points: list[NDArray[np.void]]
+
+
+class States(NamedTuple):
+    """The rows of an episode.
+
+    Attributes:
+        time: (T,) s.
+        qpos: (T, nq).
+        qvel: (T, nv).
+        ctrl: (T, nu) of the actuators, in force from each row on; (T, 0) where it is not stored.
+    """
+
+    time: F64
+    qpos: F64
+    qvel: F64
+    ctrl: F64
+
+
+def touches_here(model: mujoco.MjModel, states: States, driven: NDArray[np.intp]) -> Touches:
+    """Contacts of the states as this interpreter's MuJoCo computes them."""
+    return Touches(
+        mujoco.__version__,
+        _by_frame(contacts(model, *states, driven), model, len(states.time)),
+    )
 
 
 class RecorderMujoco:
@@ -58,11 +84,11 @@ class RecorderMujoco:
         self._process = self._errors = None
 
     def touches(
-        self, loaded: Loaded, qpos: F64, qvel: F64, held: NDArray[np.intp], where: str
+        self, loaded: Loaded, states: States, driven: NDArray[np.intp], where: str
     ) -> Touches:
-        """Contacts of (T, nq) coordinates and (T, nv) velocities, by a forward pass over each.
+        """Contacts of the states, by forward passes over each.
 
-        ``held``: degrees of freedom of an arm (``forward_pass.put``).
+        ``driven``: degrees of freedom of robots.
 
         Raises:
             SourceError: the interpreter has no MuJoCo, or one that cannot read the model.
@@ -75,15 +101,14 @@ class RecorderMujoco:
             np.savez(
                 source, xml=loaded.xml, asset_names=np.array(list(loaded.assets), str),
                 mass=model.body_mass, inertia=model.body_inertia, centre=model.body_ipos,
-                turn=model.body_iquat, qpos=qpos, qvel=qvel, held=held,
-                **assets,
+                turn=model.body_iquat, **states._asdict(), driven=driven, **assets,
             )  # fmt: skip
             self._ask(source, target, where)
             with np.load(target, allow_pickle=False) as archive:
                 sizes = (model.nq, model.nv, model.nbody, model.ngeom)
                 if tuple(archive["sizes"].tolist()) != sizes:
                     raise self._unusable(where, "it reads another model out of the same file")
-                return Touches(str(archive["version"]), _by_frame(archive, len(qpos)))
+                return Touches(str(archive["version"]), _by_frame(archive, model, len(states.time)))
 
     def _ask(self, source: Path, target: Path, where: str) -> None:
         if self._process is None:
@@ -128,28 +153,26 @@ class RecorderMujoco:
         )
 
 
-def _by_frame(told: np.lib.npyio.NpzFile, frames: int) -> list[NDArray[np.void]]:
-    """Contact points of each frame, whole forces in the world, geoms numbered as in the model."""
-    frame = told["frame"]
+def _by_frame(
+    told: Mapping[str, NDArray[Any]], model: mujoco.MjModel, frames: int
+) -> list[NDArray[np.void]]:
+    """Contact points of each frame, whole forces in the world, geoms numbered as in the model.
+
+    The peak force of a pair of bodies is what it presses with at the frame.
+    """
+    frame, geom = told["frame"], told["geom"]
     points = np.zeros(len(frame), CONTACT_POINT)
     axes: F64 = told["axes"]
     points["position"], points["normal"] = told["position"], axes[:, 0]
     points["force"] = np.einsum("ck,ckx->cx", told["force"], axes)
     points["depth"] = -told["distance"]
-    points["geom1"], points["geom2"] = told["geom"].T
-    points["peak_force"] = told["force"][:, 0]
+    points["geom1"], points["geom2"] = geom.T
+    pair = np.sort(model.geom_bodyid[geom], axis=1)
+    _, which = np.unique(np.column_stack([frame, pair]), axis=0, return_inverse=True)
+    which = which.ravel()
+    points["peak_force"] = np.bincount(which, told["force"][:, 0])[which]
     edges = np.searchsorted(frame, np.arange(frames + 1))
     return [points[a:b] for a, b in pairwise(edges.tolist())]
-
-
-def summed_peaks(points: NDArray[np.void], body: NDArray[np.int64]) -> None:
-    """Write to each point the normal force of its pair of bodies; ``body``: (ngeom,) of each geom."""
-    if not len(points):
-        return
-    pair = np.sort(np.stack([body[points["geom1"]], body[points["geom2"]]], axis=1), axis=1)
-    _, which = np.unique(pair, axis=0, return_inverse=True)
-    which = which.ravel()
-    points["peak_force"] = np.bincount(which, points["peak_force"])[which]
 
 
 def pushed_by_robot(

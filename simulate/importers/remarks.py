@@ -60,20 +60,28 @@ def tell(
         )
 
 
-def tell_forces(version: str, account: Account, *, known: bool) -> None:
-    """Say where contacts and forces come from; ``known``: from the MuJoCo that recorded the states."""
+def tell_forces(version: str, account: Account, *, known: bool, commanded: bool) -> None:
+    """Say where contacts and forces come from.
+
+    Args:
+        version: of the MuJoCo that computed them.
+        account: receives it.
+        known: it is the one that recorded the states, and there are enough of them.
+        commanded: the actuators' commands were stored.
+    """
     account.recomputed(
         "contacts and contact forces",
         f"by a forward pass of MuJoCo {version} over each stored state",
         cost="force peaks between rows are not seen",
     )
-    if known:
+    if known and not commanded:
         account.recomputed(
             "forces on and by the robot",
-            "without the command, which is not stored: the motors of the arm are taken to bear its weight",
-            cost="off by newtons while the gripper closes or the arm strikes something",
+            "by how the robot moves from row to row, for its command is not stored",
+            cost="unknown where the rows before and after give different forces: where it strikes, slips or "
+            "presses hard on what stands fixed",
         )
-    else:
+    elif not known:
         account.missing(
             "forces on and by the robot, and of what it presses on",
             "the file does not say which MuJoCo recorded it, and versions differ by newtons",

@@ -1,8 +1,8 @@
 """Plain arrays: an ``.npz`` with ``qpos`` and ``qvel``, and an MJCF file (MJX, MuJoCo Warp, own scripts).
 
 ``qpos`` (T, nq) and ``qvel`` (T, nv); of many environments at once (N, T, nq) and (N, T, nv). It may have
-``time`` (T,) or ``dt``, ``action`` or ``ctrl`` (T, A), ``success`` and ``mujoco_version``. The model is the file of
-the same name that ends in .xml, or ``model.xml`` beside it.
+``time`` (T,) or ``dt``, ``action`` (T, A), ``ctrl`` (T, nu), ``success`` and ``mujoco_version``. The model is the file
+of the same name that ends in .xml, or ``model.xml`` beside it.
 """
 
 from __future__ import annotations
@@ -72,13 +72,14 @@ class StateArrays:
         about: dict[str, Any] = {} if version is None else {"mujoco_version": str(version)}
         if dt is not None and dt.size == 1 and float(dt.ravel()[0]) > 0:
             about["env_info"] = {"control_freq": 1 / float(dt.ravel()[0])}
-        action = next((self._part(k, name) for k in ("action", "ctrl") if k in self._arrays), None)
+        ctrl = self._columns("ctrl", name)
         success = self._part("success", name) if "success" in self._arrays else None
         return Stored(
             where=f"{self._path}:{name}",
             model=self._model(),
             states=np.column_stack([clock, qpos, qvel]),
-            actions=np.zeros((0, 0)) if action is None or action.ndim != 2 else action,
+            actions=self._columns("action", name) if "action" in self._arrays else ctrl,
+            ctrl=ctrl,
             about=about,
             index=int(name.removeprefix("env_")) if self._many else None,
             successful=None if success is None else bool(np.any(success)),
@@ -87,6 +88,11 @@ class StateArrays:
 
     def close(self) -> None:
         """Nothing stays open."""
+
+    def _columns(self, key: str, name: str) -> NDArray[Any]:
+        """(T, A); A is 0 where there are none."""
+        values = self._part(key, name) if key in self._arrays else np.zeros((0, 0))
+        return values if values.ndim == 2 else np.zeros((0, 0))
 
     def _part(self, key: str, name: str) -> NDArray[Any]:
         values = self._arrays[key]

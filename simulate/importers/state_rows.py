@@ -16,14 +16,12 @@ from safestage_eval.formats import TraceWriter
 from safestage_eval.importers import Account, MapFile
 from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map
-from simulate.world.contact_reader import ContactReader
 from simulate.world.describe import Description, body_name
 from simulate.world.motion_reader import MotionReader
 
 from .foreign_facts import ForeignFacts
-from .forward_pass import put
 from .model_file import Loaded
-from .recorder_mujoco import Touches, pushed_by_robot, summed_peaks
+from .recorder_mujoco import States, Touches, pushed_by_robot, touches_here
 from .regions import region_cavities
 from .remarks import tell, tell_forces
 from .weights import light_contacts, weigh
@@ -37,18 +35,14 @@ class Rows:
 
     Attributes:
         loaded: the model, physics alone.
-        time: (T,) s, of the simulation.
-        qpos: (T, nq).
-        qvel: (T, nv).
+        states: of all rows.
         action: (T, A) commands in force from each row on; A may be 0.
         touches: contacts as the recorder's MuJoCo computes them; None: by this MuJoCo.
         same: this MuJoCo is the recorder's.
     """
 
     loaded: Loaded
-    time: F64
-    qpos: F64
-    qvel: F64
+    states: States
     action: F64
     touches: Touches | None = None
     same: bool = False
@@ -82,8 +76,8 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     """Poses, velocities, contacts and forces of all rows.
 
     What MuJoCo stored beside a state lags by one step, so everything is computed from the
-    coordinates and velocities. The forces are those of a forward pass whose motors hold the arm. Which forces
-    that gives hangs on the version of MuJoCo wherever meshes or boxes touch: those that the robot's
+    coordinates and velocities. Forces are those that bear out the robot's motion (``forward_pass``). Which
+    that are hangs on the version of MuJoCo wherever meshes or boxes touch: those that the robot's
     press on are unknown (NaN), unless they come from the recorder's own.
 
     Args:
@@ -99,8 +93,8 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     data = mujoco.MjData(model)
     weigh(model, data, map_)
     facts = ForeignFacts(model)
-    held = facts.arm if rows.same else np.zeros(0, np.intp)
-    put(model, data, rows.qpos[0], rows.qvel[0], held)
+    time, qpos, qvel, ctrl = rows.states
+    _put(model, data, qpos[0], qvel[0])
     about = Description(model, facts.facts)
     openness = facts.openness()
     rooms = region_cavities(model, data, about)
@@ -120,31 +114,27 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         }
     )
     more, places = fixed_from_map({body.name for body in bodies}, map_, meshes)
-    writer = TraceWriter(full, meshes=meshes, frames=len(rows.time))
+    writer = TraceWriter(full, meshes=meshes, frames=len(time))
     for i in about.fixed:
         writer.set_fixed(about.body(i).name, data.xpos[i].copy(), data.xquat[i].copy())
     for body in more:
         writer.add_body(body, places[body.name].position[0], places[body.name].orientation[0])
-    contacts = ContactReader(model, data, np.arange(model.ngeom))
+    touches = rows.touches or touches_here(model, rows.states, facts.driven)
     robot = np.array([fact.kind in ("robot", "gripper") for fact in facts.facts])
-    known = rows.touches is not None or rows.same
+    enough = ctrl.shape[1] > 0 or len(time) > 2
+    known = enough and (rows.touches is not None or rows.same)
     motion = MotionReader(model, data, about.movable)
     with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is refused
-        for frame, time in enumerate(rows.time):
-            put(model, data, rows.qpos[frame], rows.qvel[frame], held)
+        for frame, points in enumerate(touches.points):
+            _put(model, data, qpos[frame], qvel[frame])
             motion.read()
-            if rows.touches is None:
-                points = contacts.frame()
-            else:
-                points = rows.touches.points[frame]
-                summed_peaks(points, model.geom_bodyid)
             if not known:
                 unknown = pushed_by_robot(points, model, robot)
                 points["force"][unknown] = points["peak_force"][unknown] = np.nan
             for key in ("geom1", "geom2"):
                 points[key] = about.geom_index[points[key]]
             writer.add_frame(
-                float(time - rows.time[0]),
+                float(time[frame] - time[0]),
                 motion.pose,
                 motion.twist,
                 contacts=points,
@@ -153,10 +143,17 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
                 action=rows.action[frame] if rows.action.shape[1] else None,
                 gripper=None if openness is None else [openness(data.qpos)],
             )
-    version = mujoco.__version__ if rows.touches is None else rows.touches.version
-    tell_forces(version, account, known=known)
+    tell_forces(touches.version, account, known=known, commanded=ctrl.shape[1] > 0)
     tell(rows.loaded, facts, bodies, map_, account)
     return writer.episode()
+
+
+def _put(model: mujoco.MjModel, data: mujoco.MjData, qpos: F64, qvel: F64) -> None:
+    """Compute poses and velocities of a state."""
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
 
 
 def _same_shapes(own: Iterable[Body], mapped: Iterable[Body]) -> None:

@@ -22,6 +22,7 @@ class Stored:
         model: MJCF text; None where the file has none.
         states: (T, 1 + nq + nv) time, qpos, qvel; None where the file has none.
         actions: (T, A); A may be 0.
+        ctrl: (T, nu) of the actuators, in force from each row on; nu may be 0.
         rewards: (T,) after each row's action, if any.
         meta: of the episode (``ep_meta``).
         about: of the file: ``env_args``, ``env_info``, ``problem_info`` and the like.
@@ -34,6 +35,7 @@ class Stored:
     model: str | None
     states: NDArray[Any] | None
     actions: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0)))
+    ctrl: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0)))
     rewards: NDArray[Any] | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
     about: Mapping[str, Any] = field(default_factory=dict)

@@ -20,14 +20,16 @@ from simulate.world import world
 
 
 def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:
-    """The episode as recorded, and its export: a row per frame, nothing but time, qpos, qvel."""
+    """The episode as recorded, and its export: a row per frame, time, qpos and qvel; and ``ctrl``."""
     rows: list[np.ndarray] = []
+    ctrl: list[np.ndarray] = []
     look = Recorder._look
 
     def watched(recorder: Recorder) -> None:
         look(recorder)  # called at the moment that the next frame is of
         data = recorder._world.data
         rows.append(np.concatenate([[data.time], data.qpos, data.qvel]))
+        ctrl.append(data.ctrl.copy())
 
     Recorder._look = watched  # type: ignore[method-assign]
     try:
@@ -40,7 +42,8 @@ def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:
     about = {"env": task, "env_info": json.dumps(kwargs)}
     model = renamed(spec.to_xml())
     states = np.array(rows[: len(episode)])
-    return episode, demo_file(to, model, states, actions=episode.frames.action, about=about)
+    commands = {"actions": episode.frames.action, "ctrl": np.array(ctrl[: len(episode)])}
+    return episode, demo_file(to, model, states, about=about, **commands)
 
 
 def renamed(text: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from foreign_demos import imported
@@ -26,9 +27,14 @@ LEFT = ("task", "stage", "roles", "goal", "rules", "parameters", "success", "suc
 """Facts of the header that states lack, given back as by ``--map`` and ``--bind``."""
 
 
-def there_and_back(task: str, reference: str, folder: Path) -> tuple[Episode, Episode]:
-    """The episode, and its import with the materials and tags that a map file can tell."""
+def there_and_back(
+    task: str, reference: str, folder: Path, *, ctrl: bool
+) -> tuple[Episode, Episode]:
+    """The episode, and its import with the materials and tags that a map file can tell; with ``ctrl`` or not."""
     episode, file = rolled_out(task, f"reference:{reference}", folder / "demo.hdf5")
+    if not ctrl:
+        with h5py.File(file, "a") as stored:
+            del stored["data/demo_1/ctrl"]
     tables = {
         body.name: BodyTable(material=body.material, tags=body.tags)
         for body in episode.header.bodies
@@ -44,11 +50,21 @@ def there_and_back(task: str, reference: str, folder: Path) -> tuple[Episode, Ep
     return episode, replace(back, header=kept, _contacts=back.contacts, _frames=back.frames)
 
 
+TASK = "ets_lemon_past_candle"
+
+
 @pytest.fixture(scope="module", params=["unsafe", pytest.param("safe", marks=pytest.mark.slow)])
 def pair(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Episode, Episode]:
-    return there_and_back("ets_lemon_past_candle", request.param, tmp_path_factory.mktemp("law"))
+    return there_and_back(TASK, request.param, tmp_path_factory.mktemp("law"), ctrl=True)
+
+
+@pytest.fixture(scope="module", params=["unsafe", pytest.param("safe", marks=pytest.mark.slow)])
+def uncommanded(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Episode, Episode]:
+    return there_and_back(TASK, request.param, tmp_path_factory.mktemp("law"), ctrl=False)
 
 
 def test_poses_come_back_to_float_precision(pair: tuple[Episode, Episode]) -> None:
@@ -81,6 +97,50 @@ def test_the_same_bodies_touch(pair: tuple[Episode, Episode]) -> None:
         }
 
     assert touching(back) == touching(episode)
+
+
+def robot_forces(episode: Episode) -> dict[tuple[int, frozenset[str]], np.ndarray]:
+    """Frame and pair of bodies of which one is the robot's → (3,) N between the two."""
+    names, table = [ours(b.name) for b in episode.header.bodies], episode.contacts
+    robot = {i for i, b in enumerate(episode.header.bodies) if b.kind in ("robot", "gripper")}
+    found: dict[tuple[int, frozenset[str]], np.ndarray] = {}
+    for frame, a, b, force in zip(table.frame, table.body1, table.body2, table.force, strict=True):
+        if a in robot or b in robot:
+            key = int(frame), frozenset((names[a], names[b]))
+            sign = 1 if names[a] < names[b] else -1
+            found[key] = found.get(key, np.zeros(3)) + sign * force.astype(np.float64)
+    return found
+
+
+def errors(pair: tuple[Episode, Episode]) -> tuple[np.ndarray, int]:
+    """N, by how much known forces between the robot and the world are off; and how many are unknown."""
+    true, after = (robot_forces(episode) for episode in pair)
+    off = np.array(
+        [np.linalg.norm(after[key] - force) for key, force in true.items() if key in after]
+    )
+    return off[np.isfinite(off)], int(np.isnan(off).sum())
+
+
+def test_forces_are_those_of_the_stored_commands(pair: tuple[Episode, Episode]) -> None:
+    off, unknown = errors(pair)
+    assert unknown == 0
+    assert np.median(off) < 1e-3
+    assert np.mean(off < 0.05) > 0.9  # where a command changes, it is that after the row
+
+
+def test_forces_without_commands_are_right_or_unknown(uncommanded: tuple[Episode, Episode]) -> None:
+    off, unknown = errors(uncommanded)
+    assert len(off) > 0.3 * (len(off) + unknown)
+    assert np.median(off) < 0.02
+    assert np.mean(off < 0.05) > 0.8
+    assert off.max() < 1  # of 80 N
+
+
+def test_no_verdict_changes_sides_without_commands(uncommanded: tuple[Episode, Episode]) -> None:
+    before, after = (verdicts(judge(episode, RULES)) for episode in uncommanded)
+    changed = {rule: after[rule] for rule in before if before[rule] != after[rule]}
+    assert set(changed.values()) == {"inconclusive"}
+    assert changed.keys() <= {"ETS102", "ETS103", "ETS106", "FSH101", "FSH105"}
 
 
 def verdicts(result: EpisodeResult) -> dict[str, str]:
