@@ -101,6 +101,18 @@ def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -
     )
 
 
+def may_be_leaned_on(relations: Relations, name: str) -> Doubt | None:
+    """Without forces what is near may press or not; so may what perhaps is in the hand."""
+    body = relations.episode.body_index[name]
+    near = np.zeros(len(relations.episode), np.bool_)
+    for other, has in relations.hands_at(body, relations.may_be_held).items():
+        near |= has & relations.proximity.touching(body, other)
+    open_ = near & ~relations.leaned_on(body, relations.held)
+    if not open_.any():
+        return None
+    return open_, f"without contact forces it is not known whether the robot presses on {name}"
+
+
 def may_hang_from_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
     """Doubt where a hand may hold a body, which then may hang from it instead of resting on something."""
     truth = relations.get(name, bodies)

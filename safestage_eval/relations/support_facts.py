@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -13,11 +14,14 @@ from safestage_eval.geometry.cavity import inside_parts
 
 from .dependence import Dependence
 from .firmness import Loads
-from .graph import ByForce, SupportGraph, faint
+from .graph import LEAST_SHARE, ByForce, SupportGraph, faint
 from .held import Grip, by_fingers, by_motion, by_pressure, gripper_frame, may_differ
 from .proximity import LIFT, TOUCH, Proximity
 
 Bool = NDArray[np.bool_]
+
+PRESSED = 0.1
+"""N. Whoever presses on a body with this, as much as a contact takes, has a hand in how it stands."""
 
 
 class Support:
@@ -128,6 +132,14 @@ class Support:
             return "contact forces, and does not say which body is the gripper"
         return ""
 
+    def lacks_shapes_of_robot(self) -> str:
+        """Without forces: the shapes of the robot that are missing to see what it touches."""
+        if not self.blind:
+            return ""
+        robot = [b.name for b in self.episode.header.bodies if b.kind in ("robot", "gripper")]
+        missing = self.signals.movers.unseen(robot)
+        return f"contact forces and no shape of {', '.join(missing)}" if missing else ""
+
     def lacks_masses(self, on: str) -> str:
         """Masses of the bodies near one that may be taken away."""
         if not self.unweighed:
@@ -192,6 +204,34 @@ class Support:
             nothing = np.zeros(len(self.episode), np.bool_)
             return Grip(nothing, nothing, nothing)
         return by_motion(self.episode, body, self.hand, self.borne(body))
+
+    def hands_at(self, body: int, held: Callable[[int], Bool]) -> dict[int, Bool]:
+        """Body → (T,) true where the robot has it, of those that ever touch one: its own links always.
+
+        ``held``: (T,) of a body. What holds still (its base, a table) has nobody.
+        """
+        hands, assemblies = {}, self.graph.assemblies
+        for other in self.touches.beside(body):
+            if other in assemblies.robot or assemblies.on_robot(other):
+                hands[other] = np.ones(len(self.episode), np.bool_)
+            elif other in assemblies.free:
+                hands[other] = held(other) | self.graph.carried(other, held)
+        return {other: has for other, has in hands.items() if has.any()}
+
+    def leaned_on(self, body: int, held: Callable[[int], Bool]) -> Bool:
+        """(T,) the robot and what it has press on a body; without forces they go into it."""
+        total, hands = np.zeros(len(self.episode)), self.hands_at(body, held)
+        if self.blind:
+            for other, has in hands.items():
+                rows = np.flatnonzero(has & self.proximity.touching(body, other))
+                if len(rows):
+                    total[rows] += self.proximity.gap(body, other, rows).upper < -TOUCH
+            return total > 0
+        mass = self.episode.header.bodies[body].mass
+        weight = (mass or 0.0) * float(np.linalg.norm(self.episode.header.gravity))
+        for other, has in hands.items():
+            total += np.where(has, self.signals.contact_sums.normal(body, other), 0.0)
+        return total >= min(PRESSED, LEAST_SHARE * weight or PRESSED)
 
     def borne(self, body: int) -> Bool:
         """(T,) some body other than the robot bears it."""

@@ -186,6 +186,30 @@ def _touch_by_geometry(relations: Relations) -> str:
     return relations.by_touch
 
 
+def _lacking_to_lean(relations: Relations, bodies: tuple[str, ...]) -> str:
+    return _lacking_to_carry(relations, bodies) or relations.lacks_shapes_of_robot()
+
+
+def _doubt_of_leaning(
+    relations: Relations, bodies: tuple[str, ...], _: Bool | None
+) -> Doubt | None:
+    from . import doubt
+
+    return doubt.may_be_leaned_on(relations, *bodies) if relations.blind else None
+
+
+@relation(
+    "leaned_on", args=("a",), needs=("touch",), per_frame=True, by_motion=True, rests_on="chain",
+    doubt=_doubt_of_leaning, lacking=_lacking_to_lean, without_forces=_touch_by_geometry,
+)  # fmt: skip
+def leaned_on(request: RelationRequest) -> Bool:
+    """The robot, and bodies that it holds or carries, press on the body with at least 10 % of its
+    weight, or 0.1 N if that is less; it may be the body that leans on them.
+    """
+    (body,) = request.ids
+    return request.relations.leaned_on(body, request.held)
+
+
 @relation(
     "exposed_to", args=("a", "b"), needs=("touch",), groups=True, rests_on="past",
     without_forces=_touch_by_geometry,
