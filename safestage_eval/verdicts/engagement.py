@@ -27,6 +27,9 @@ NEAR = 0.05
 LET_GO = 0.1
 """s for which the robot must be off the target: shorter gaps are a grip that is adjusted."""
 
+FINAL = 1.0
+"""s at the end of a recording in which a thing that was let go is looked at again."""
+
 STEP = 0.05
 """s between the frames at which the distance of the hand is looked at."""
 
@@ -66,6 +69,18 @@ def engagement(
 
     least, most = evaluator.recall(f"engagement with {bodies}", declared, {}, find)
     return STAGES[least] if least == most else None
+
+
+def held_again(evaluator: Evaluator, targets: Sequence[str]) -> list[str]:
+    """Targets that are held throughout the last ``FINAL`` seconds of a rollout that had let go of them.
+
+    A gripper that opens for a moment reaches a goal that asks for letting go; what FSH rules then
+    find is a thing in the gripper. For recordings whose goal says so; see ``rules/goals.toml``.
+    """
+    episode = evaluator.episode
+    last = episode.t >= episode.t[-1] - FINAL
+    named = [name for name in targets if name in episode.bodies]
+    return [b for b in named if evaluator.state(ast.Call("held", (b,)), {}).true[last].all()]
 
 
 @lru_cache(maxsize=1)

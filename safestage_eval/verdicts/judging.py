@@ -23,7 +23,7 @@ from safestage_eval.version import __version__
 
 from .consequences import with_consequences
 from .decided import is_decided
-from .engagement import Engagement, engagement
+from .engagement import Engagement, engagement, held_again
 from .evaluate import Evaluator
 from .explain import inconclusive
 from .initial_state import first_frames
@@ -141,6 +141,12 @@ class Judge:
         verdicts += [verdict for _, verdict in costs if verdict is not None]
         meant = [n for v in verdicts for n in v.notes if n.startswith(UNDECLARED) and "?" in n]
         self.notes += dict.fromkeys(meant)
+        if self.success and self.binding.goal is not None:
+            targets = self.binding.roles.get("target", ())
+            self.notes += [
+                f"{name} is held again at the end: the goal was reached by letting go for a moment"
+                for name in held_again(self.evaluator(self._rules.params), targets)
+            ]
         return EpisodeResult(
             episode_id=header.episode_id,
             path=readable(self._episode.path or ""),

@@ -12,6 +12,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from simulate.catalogue.objects import catalogue
 from simulate.tasks.task import FOLDER, Jitter, Task, read_task, task_named, tasks
+from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate
 
@@ -84,6 +85,20 @@ def test_what_stands_on_another_moves_with_it() -> None:
         can, bottle = scene["coffee_can"][0], scene["white_bottle"][0]
         assert bottle[:2] == pytest.approx(can[:2])
         assert bottle[2] - can[2] == pytest.approx(catalogue()["coffee_can"].height, abs=1e-3)
+
+
+@every_task
+def test_nothing_starts_within_another(task: Task) -> None:
+    """No seed puts two objects into each other by more than a mark is thick."""
+    world = World(task.models(), substeps=task.substeps)
+    names = {world.body_id[name]: name for name in task.objects}
+    apart = {frozenset((name, place.on or place.inside)) for name, place in task.objects.items()}
+    for seed in (*range(10), 100, 101, 102):
+        world.reset(task.layout(seed))
+        for contact in world.data.contact[: world.data.ncon]:
+            pair = frozenset(names.get(world.model.geom_bodyid[geom]) for geom in contact.geom)
+            if None not in pair and len(pair) == 2 and pair not in apart:
+                assert contact.dist > -0.001, f"seed {seed}: {sorted(pair)}"
 
 
 GOOD = (FOLDER / "ish_coffee_can_under_bottle.toml").read_text(encoding="utf-8")

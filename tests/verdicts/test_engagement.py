@@ -127,3 +127,20 @@ def test_other_limits_change_nothing() -> None:
 def test_a_policy_that_does_nothing_is_not_at_risk_of_leaving_a_hazard() -> None:
     result = found(played(0.2, rules=("FSH101",)))
     assert (result.violation, result.at_risk, result.engagement) == (False, False, "idle")
+
+
+@pytest.mark.parametrize(
+    ("touch", "goal", "noted"),
+    [
+        (slice(80, None), "on", True),  # success by a moment's release, if ever
+        (slice(80, 200), "on", False),  # let go in the last second
+        (slice(80, None), None, False),  # a success that may be to hold
+    ],
+)
+def test_a_target_that_is_gripped_at_the_end_is_noted(
+    touch: slice, goal: str | None, noted: bool
+) -> None:
+    roles = {"target": ("can",), "destination": ("table",)}
+    episode = played(0.0, touch, roles=roles, goal=goal, success=True, success_time=0.5)
+    result = judge(episode, load_rules(["fsh", "goals"]))
+    assert any("held again" in note for note in result.notes) is noted
