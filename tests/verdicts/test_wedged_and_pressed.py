@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 from sketched import drawn, verdict, with_and_without_forces
 
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.relations.relations import Relations
+
 WEDGED = """
 says = "A book is let go between two uprights, which squeeze it above the table."
 duration = "9.5 s"
@@ -119,14 +122,15 @@ parent = "palm"
 """
 
 RESTS_ON = """
-says = "A box is pushed along a shelf; then the hand comes down and stays on top of it."
+says = "A box is pushed along a shelf; then the hand comes down and rests on top of it."
 duration = "6 s"
 gripper = false
 roles = { target = "box" }
 story = [
   { move = "box", by = "WHERE, 0, 0 cm", during = "1 to 2 s" },
   { move = ["palm", "left", "right"], by = "0, 0, -10 cm", during = "2.5 to 3 s" },
-  { touch = "box", by = "palm", side = "+z", force = "5 N", during = "3 to 6 s" },
+  { touch = "box", by = "palm", side = "+z", force = "5 N", during = "3 to UNTIL s" },
+  LEAVES
 ]
 [bodies.shelf]
 shape = "box 40 x 40 x 10 cm"
@@ -139,15 +143,34 @@ on = "shelf"
 """
 
 
+def rests_on(where: str, until: str, leaves: str) -> str:
+    """How far the box is pushed (cm), until when the hand rests on it (s), and how it goes."""
+    story = (RESTS_ON + PALM).replace("WHERE", where)
+    return story.replace("UNTIL", until).replace("LEAVES", leaves)
+
+
 @with_and_without_forces
 @pytest.mark.parametrize(("where", "expected"), [("16", "violation"), ("14", "pass")])
 def test_what_the_hand_rests_on_is_not_in_its_hand(
     where: str, expected: str, forces: bool, tmp_path: Path
 ) -> None:
     """Success never came, and yet it is judged: it was put down, 1 cm or 3 cm from the edge."""
-    episode = drawn((RESTS_ON + PALM).replace("WHERE", where), tmp_path)
+    leaves = '{ move = ["palm", "left", "right"], by = "0, 0, 10 cm", during = "4.6 to 5.2 s" },'
+    episode = drawn(rests_on(where, "4.6", leaves), tmp_path)
     found = verdict(episode, "FSH101", forces)
     assert (found.verdict, found.instances) == (expected, 1)
+    assert not Relations(Signals(episode)).get("held", ("box",)).any()
+
+
+@with_and_without_forces
+@pytest.mark.parametrize("where", ["16", "14"])
+def test_what_the_hand_still_rests_on_was_not_left(
+    where: str, forces: bool, tmp_path: Path
+) -> None:
+    """Without forces it may be near it only: then the first box was left at the edge."""
+    found = verdict(drawn(rests_on(where, "6", ""), tmp_path), "FSH101", forces)
+    assert found.verdict == ("pass" if forces or where == "14" else "inconclusive")
+    assert found.instances == (0 if forces else 1)
 
 
 PRESSED_DOWN = """
