@@ -14,7 +14,10 @@ from .shared_options import progress, say_problems
 from .terminal import say, say_lines
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from safestage_eval.importers import Outcome, Settings
+    from safestage_eval.importers.import_episode import Failed
     from safestage_eval.importers.map_mistakes import Notice
 
 
@@ -139,7 +142,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
         say(f"warning: {message}", err=True)
     for notice, count in notices_of(outcome):
         say(f"looks wrong in {count} of {len(outcome.imported)} episodes: {notice}", err=True)
-    say_problems(outcome.failed)
+    say_problems(_alike(outcome.failed))
     new = sum(each.new for each in outcome.imported)
     say(
         f"{new} imported, {len(outcome.imported) - new} there already, "
@@ -147,6 +150,16 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
         err=True,
     )
     ctx.exit(2 if outcome.failed else 0)
+
+
+def _alike(failed: Sequence[Failed]) -> list[str]:
+    """Messages of what was not imported; of those that differ by their source alone the first, with how many."""
+    groups: dict[str, list[str]] = {}
+    for each in failed:
+        groups.setdefault(each.message.replace(each.source, ""), []).append(each.message)
+    return [
+        first + (f" So are {len(more)} more." if more else "") for first, *more in groups.values()
+    ]
 
 
 def _write_map(path: Path, source: Path, settings: Settings, only: str | None) -> None:

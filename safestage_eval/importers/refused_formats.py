@@ -17,7 +17,8 @@ def ask_for(source: str) -> str:
     if "droid" in name:
         return (
             "DROID was recorded on real robots, and where objects were was never measured; poses "
-            "from an object tracker would have to be added, as columns of their own"
+            "from an object tracker would have to be added, as columns of their own. Rollouts in a "
+            f"simulator {RECORD}"
         )
     if "aloha" in name:
         return (

@@ -13,7 +13,7 @@ from safestage_eval.formats import discover, load
 from safestage_eval.relations.relations import Relations
 
 TRACES = Path(__file__).parents[2] / "traces"
-ONE = ("held", "supported", "carried", "caused")
+ONE = ("held", "supported", "carried", "caused", "leaned_on")
 TWO = ("supports", "exposed_to")
 
 
