@@ -237,7 +237,11 @@ class Demo(SceneBuilder):
 
     def _remark(self) -> None:
         mapped = {name for name in self.tracks if (b := self.map.of_body(name)) and b.shapes}
-        boxed = [b.name for b in self.bodies if b.geoms and b.name not in mapped]
+        placed = ("robot", "gripper")  # with the shapes of a description
+        boxed = [
+            b.name for b in self.bodies
+            if b.geoms and b.name not in mapped and b.kind not in placed
+        ]  # fmt: skip
         if boxed:
             self.account.guessed(
                 f"shapes of {', '.join(boxed)}",
