@@ -37,6 +37,9 @@ AT_FIRST = ("AUD201", "AUD204", "AUD210")
 SHORT = {"centimetres": "cm", "millimetres": "mm"}
 """Names of units that ``[source] length`` takes."""
 
+MOST = 4
+"""So many mistakes are looked for, one behind another."""
+
 ALIKE = 5e-3
 """m; what hangs in the air over one body by the same height does so for one reason."""
 
@@ -74,7 +77,23 @@ class Notice:
 
 
 def notice(episode: Episode, map_: MapFile) -> tuple[Notice, ...]:
-    """Impossible facts of an imported episode; empty for a sound one."""
+    """Impossible facts of an imported episode; empty for a sound one.
+
+    A mistake may hide others: each that is found is undone, and what is left is looked at again.
+    """
+    found: dict[tuple[object, ...], Notice] = {}
+    for _ in range(MOST):
+        some, mended = _seen(episode, map_)
+        for one in some:
+            found.setdefault((one.codes, one.bodies), one)
+        if mended is None:
+            break
+        episode = mended
+    return tuple(found.values())
+
+
+def _seen(episode: Episode, map_: MapFile) -> tuple[list[Notice], Episode | None]:
+    """Impossible facts of an episode, and the episode without one of their causes, if one is known."""
     subject = Subject(episode, _rules())
     findings = check_subject(subject, _checks(LOOKED_AT))
     at_first = [f for f in findings if f.code in AT_FIRST]
@@ -82,7 +101,13 @@ def notice(episode: Episode, map_: MapFile) -> tuple[Notice, ...]:
     if cause is not None:
         findings = [f for f in findings if f.code not in AT_FIRST]
     notices = [_plain(f) for f in findings if f.severity != "note"]
-    return (cause, *notices) if cause else tuple(notices)
+    if cause is not None:
+        return [cause[0], *notices], cause[1]
+    for one in findings:
+        for repair in REPAIRS if one.code == "AUD131" else ():
+            if (repair.code, repair.cause) == (one.code, one.cause):
+                return notices, repair.mend(episode, one.place.bodies)
+    return notices, None
 
 
 def summed(every: Iterable[tuple[Notice, ...]]) -> list[tuple[Notice, int]]:
@@ -114,7 +139,7 @@ def _plain(finding: Finding) -> Notice:
         fix = OTHER_ORDER["xyzw"]
     elif finding.code == "AUD101":
         fix = _unit_fix(finding.cause) or fix
-    elif finding.code == "AUD131" and "sizes" in finding.cause:
+    elif finding.code == "AUD131" and ("sizes" in finding.cause or "shapes" in finding.cause):
         fix = SIZES
     elif finding.code in ("AUD204", "AUD211", "AUD212") and finding.place.bodies:
         fix = f"{fix}: [body.{finding.place.bodies[-1]}] shapes or position in the map file"
@@ -139,9 +164,12 @@ class _Trial:
     names: tuple[str, ...]
 
 
-def _cause(subject: Subject, seen: list[Finding], map_: MapFile) -> Notice | None:
-    """The mistake without which the most of it is gone; None if none explains nine tenths of it."""
-    best: tuple[int, _Trial] | None = None
+def _cause(subject: Subject, seen: list[Finding], map_: MapFile) -> tuple[Notice, Episode] | None:
+    """The mistake without which the most of it is gone, and the episode without it.
+
+    None if no mistake explains nine tenths of it.
+    """
+    best: tuple[int, _Trial, Episode] | None = None
     for trial in _trials(subject, map_):
         mended = Subject(trial.mend(subject.episode, trial.names), subject.rules)
         if not mended.sound:
@@ -149,7 +177,7 @@ def _cause(subject: Subject, seen: list[Finding], map_: MapFile) -> Notice | Non
         left = check_subject(mended, _checks(AT_FIRST))
         count = len(left)
         if count < (best[0] if best else len(seen)):
-            best = count, trial
+            best = count, trial, mended.episode
         if not count:
             break
     if best is None or best[0] > len(seen) // 10:
@@ -157,8 +185,8 @@ def _cause(subject: Subject, seen: list[Finding], map_: MapFile) -> Notice | Non
     bodies = tuple(dict.fromkeys(name for one in seen for name in one.place.bodies))
     codes = tuple(dict.fromkeys(one.code for one in seen))
     more = f" And {len(seen) - 1} more like this." if len(seen) > 1 else ""
-    trial = best[1]
-    return Notice(seen[0].what + more, trial.cause, trial.fix, bodies, codes)
+    _, trial, without = best
+    return Notice(seen[0].what + more, trial.cause, trial.fix, bodies, codes), without
 
 
 def _trials(subject: Subject, map_: MapFile) -> Iterator[_Trial]:

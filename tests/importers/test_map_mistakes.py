@@ -103,6 +103,21 @@ def test_a_finger_pad_a_centimetre_off(tmp_path):
     assert "_pad] shapes or position in the map file" in one["fix"]
 
 
+def test_three_mistakes_of_which_each_hides_the_next_are_three_messages(tmp_path):
+    """A mug in centimetres is a tower that all else is in; on a table too low nothing stands."""
+    written(tmp_path, pad=0.01, table=-0.46)
+    text = (tmp_path / "map.toml").read_text()
+    assert "[0.04, 0.05]" in text
+    (tmp_path / "map.toml").write_text(text.replace("[0.04, 0.05]", "[4, 5]"))
+    notices = take(tmp_path)
+    assert len(notices) == 3, notices
+    causes = " ".join(f"{one['cause']} {one['fix']}" for one in notices)
+    assert "its shapes are in centimetres" in causes
+    assert 'with their unit: "4 cm"' in causes
+    assert "'table' is 46.0 cm too low" in causes
+    assert "_pad] shapes or position in the map file" in causes
+
+
 def test_centimetres_are_named_and_mended(tmp_path):
     source = written(tmp_path, scale=100.0)
     notices = take(tmp_path)

@@ -116,7 +116,9 @@ def test_isaac_lab(tmp_path):
         robot,
     )
     assert done.code == 0, done.err
-    assert "shapes of" not in done.text  # none is guessed: the map file and the description have them all
+    assert (
+        "shapes of" not in done.text
+    )  # none is guessed: the map file and the description have them all
     theirs = load(tmp_path / "data")
     assert "hand_left_finger" in theirs.bodies
     assert "gripper_base" not in theirs.bodies  # a link is the hand now
