@@ -215,10 +215,22 @@ def check_peaks(
     ]
 
 
+def _mean_around(sums: F64, reach: int) -> F64:
+    """(T, 4) means within ``reach`` frames of each, by weights that fall to 0 there."""
+    weights = np.convolve(np.ones(reach), np.ones(reach)) / reach**2
+    if len(sums) < len(weights):
+        return sums
+    return np.column_stack([np.convolve(column, weights, "same") for column in sums.T])
+
+
 def check_weight(
-    t: F64, position: F32, weight: float, sums: F64, body: str, where: str
+    t: F64, position: F32, weight: float, sums: F64, body: str, where: str, *, dense: bool = False
 ) -> list[ContradictionError]:
     """Contacts bear a free body that rests.
+
+    One that rattles is borne over time: where forces are known at every frame, they count only if
+    those around a moment are wrong as well. Newton's law bounds their mean by how far the body moves
+    if they weigh the less, in proportion, the further away in time: ``STILL`` allows 1 % of the weight.
 
     Args:
         t: (T,) s.
@@ -228,6 +240,7 @@ def check_weight(
             frames.
         body: for messages.
         where: likewise.
+        dense: ``sums`` are those at every frame.
     """
     from .invariant_kernels import while_at_rest
 
@@ -236,7 +249,8 @@ def check_weight(
         return []  # at lower rates nobody can tell whether a body rests
     reach, out = max(1, round(STILL_FOR / dt)), np.empty(6)
     limits = TOO_LITTLE * weight, TOO_MUCH * weight, ASIDE * weight
-    while_at_rest(position, sums, reach, STILL, EVERY, *limits, out)
+    around = _mean_around(sums, reach) if dense else sums
+    while_at_rest(position, sums, around, reach, STILL, EVERY, *limits, out)
     for k, how in enumerate(("bear it with", "press it up with", "press it aside with")):
         if out[k] * EVERY * dt < RESTED:
             continue

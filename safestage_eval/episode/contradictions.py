@@ -236,7 +236,7 @@ class _Looked:
             if place is None or not self.at_hand.matters(body.name):
                 continue
             found = self._borne(i, place, exact=False)
-            if found:  # contacts that no rule asked for may explain it
+            if found:  # contacts that no rule asked for may explain it, or the frames between
                 found = self._borne(i, place, exact=True)
             yield from found
 
@@ -251,7 +251,8 @@ class _Looked:
                 continue
             if told.keys() >= {"frame", "force"}:
                 sign = -1.0 if pair[0] == i else 1.0
-                add_forces(told["frame"], told["force"], sign, touch.EVERY, sums, touched)
+                every = 1 if exact else touch.EVERY
+                add_forces(told["frame"], told["force"], sign, every, sums, touched)
             elif exact:
                 frame = self.at_hand.contacts(pair, "frame")["frame"]
                 sums[frame], touched[frame] = np.nan, True
@@ -259,7 +260,7 @@ class _Looked:
             sums[self.episode.unseen], touched[self.episode.unseen] = np.nan, True
         gravity = -header.gravity[2]
         found = touch.check_weight(
-            t, place, (body.mass or 0.0) * gravity, sums, body.name, self.where
+            t, place, (body.mass or 0.0) * gravity, sums, body.name, self.where, dense=exact
         )
         return found or (
             touch.check_free_fall(t, place, gravity, touched, body.name, self.where)

@@ -278,6 +278,7 @@ def peak_below(frame: I32, force: F32, normal: F32, peak: F32, every: int, sums:
 def while_at_rest(
     position: F32,
     sums: F64,
+    around: F64,
     reach: int,
     still: float,
     every: int,
@@ -291,6 +292,7 @@ def while_at_rest(
     Args:
         position: (T, 3) m.
         sums: (T, 4) N, as ``add_forces``; NaN where they are not known.
+        around: (T, 4) N, means over a while, which must be wrong as well; or ``sums``.
         reach: frames before and after a moment of rest.
         still: m; further apart is no rest.
         every: as in ``add_forces``.
@@ -308,13 +310,21 @@ def while_at_rest(
             there &= abs(position[i + reach, k] - here) < still
         if not there:
             continue
-        up, side = sums[i, 2], np.sqrt(sums[i, 0] ** 2 + sums[i, 1] ** 2)
-        if sums[i, 3] < least or up < -least:
+        weak, strong, askew = _unborne(sums, i, least, most, aside)
+        on_mean = _unborne(around, i, least, most, aside)
+        if weak and on_mean[0]:
             _count(0, i, out)
-        if up > most:
+        if strong and on_mean[1]:
             _count(1, i, out)
-        if side > aside and up < 0.5 * aside:
+        if askew and on_mean[2]:
             _count(2, i, out)
+
+
+@helper
+def _unborne(sums: F64, i: int, least: float, most: float, aside: float) -> tuple[bool, bool, bool]:
+    """Forces that are too weak or pull down, press up too much, press aside."""
+    up, side = sums[i, 2], np.sqrt(sums[i, 0] ** 2 + sums[i, 1] ** 2)
+    return sums[i, 3] < least or up < -least, up > most, side > aside and up < 0.5 * aside
 
 
 @helper
