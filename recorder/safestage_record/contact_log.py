@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from typing import Any, Callable
 
 import numpy as np
 
@@ -17,7 +17,15 @@ _NONE = HEAD.pack(0, 0)
 
 
 class ContactLog:
-    """Gathers contacts step by step, and makes each frame's contacts with their peak forces of them."""
+    """Gathers contacts step by step, and makes each frame's contacts with their peak forces of them.
+
+    Attributes:
+        copy: copies contacts and forces as they are now.
+        take: takes the forces of a step between two frames. Only a pair that no frame shows has a row of such
+            a step, and it has no force.
+        end_frame: says that a frame ends, with the step that was taken last or with these contacts.
+        unrecorded: contacts of shapes that the trace does not have.
+    """
 
     def __init__(self, model: Any, memory: StepMemory, geom_index: Any, pyramidal: bool) -> None:
         """``geom_index``: (ngeom,) MuJoCo geom id → index in the trace, −1 for none."""
@@ -30,37 +38,42 @@ class ContactLog:
         self._pyramidal = pyramidal
         # Memory that is used again: what is allocated anew costs a page fault every 4 kB.
         self._block = io.BytesIO()
-        self._write, self._copy = self._block.write, memory.copy
+        self._write = self._block.write
         self._lengths: list[int] = []
         self._ends: list[int] = []
+        self.copy = memory.copier()
+        self.take, self.end_frame = self._taker(), self._ender()
         self._frame = self._given = 0
         self._done: list[tuple[Any, Any]] = []
         self._there: Any = ()
         self._number: Any = None
         self.unrecorded = 0
-        """Contacts of shapes that the trace does not have."""
 
-    def take(self) -> None:
-        """Take the forces of a step between two frames.
+    def _taker(self) -> Callable[[], None]:
+        copy, write, add = self.copy, self._write, self._lengths.append
 
-        Only a pair that no frame shows has a row of such a step, and it has no force.
-        """
-        step = self._copy()
-        if step:
-            self._lengths.append(self._write(step))
+        def take() -> None:
+            step = copy()
+            if step:
+                add(write(step))
+
+        return take
 
     def take_last(self) -> None:
         """Take the contacts of a step that a frame may end with."""
-        self._lengths.append(self._write(self._copy() or _NONE))
+        self._lengths.append(self._write(self.copy() or _NONE))
 
-    def end_frame(self, contacts: bytes | None = None) -> None:
-        """Say that a frame ends, with the step that was taken last or with these contacts."""
-        if contacts is not None:
-            self._lengths.append(self._write(contacts or _NONE))
-        self._ends.append(len(self._lengths))
-        self._frame += 1
-        if self._block.tell() > BATCH:
-            self._work_out()
+    def _ender(self) -> Callable[[bytes | None], None]:
+        write, tell, lengths, ends = self._write, self._block.tell, self._lengths, self._ends
+
+        def end_frame(contacts: bytes | None = None) -> None:
+            if contacts is not None:
+                lengths.append(write(contacts or _NONE))
+            ends.append(len(lengths))
+            if tell() > BATCH:
+                self._work_out()
+
+        return end_frame
 
     def finish(self) -> tuple[Any, Any]:
         """(C,) CONTACT_POINT of the frames since the last call, and (T,) how many each has."""
@@ -78,6 +91,7 @@ class ContactLog:
         if not self._ends:
             return
         ends = np.array(self._ends)
+        self._frame += len(ends)
         lengths = np.array(self._lengths[: ends[-1]], np.int64)
         del self._lengths[: ends[-1]], self._ends[:]
         with self._block.getbuffer() as block:

@@ -12,7 +12,11 @@ _join = b"".join
 
 
 class FrameViews:
-    """Copies joints and bodies of ``MjData`` as bytes, and turns many copies into arrays."""
+    """Copies joints and bodies of ``MjData`` as bytes, and turns many copies into arrays.
+
+    Attributes:
+        all: what to copy, one after the other, where joints and bodies are of the same moment.
+    """
 
     def __init__(self, model: Any, data: Any, scene: ModelScene) -> None:
         """Look at ``data``, whose arrays do not move as long as they live."""
@@ -27,7 +31,7 @@ class FrameViews:
         )
         centre = self._look(data.subtree_com, self._bodies, roots)
         torque = self._look(data.qfrc_actuator, self._bodies)
-        self._all = (*self._joints, *self._bodies)
+        self.all = (*self._joints, *self._bodies)
         self._place, self._turn = place[moving], turned[moving]
         # by component, so that the cross product goes over whole rows
         self._speed, self._arm, self._centre = speed[moving].T, place[moving].T, centre[roots].T
@@ -55,10 +59,6 @@ class FrameViews:
     def copy(self, joints: bytes) -> bytes:
         """Copy what belongs to the bodies, after ``joints`` of the same moment."""
         return _join((joints, *self._bodies))
-
-    def copy_all(self) -> bytes:
-        """Copy joints and bodies, where both are of the same moment now."""
-        return _join(self._all)
 
     def still(self) -> tuple[Any, Any]:
         """(F, 3) m and (F, 4) wxyz, poses of the bodies that do not move."""

@@ -68,7 +68,8 @@ class Journal:
             crc = zlib.crc32(part, crc)
         size = len(text) + _SIZE.size + sum(values.nbytes for values in kept.values())
         try:
-            self._stream.write(b"".join([_HEAD.pack(size, crc), *parts]))
+            for part in (_HEAD.pack(size, crc), *parts):
+                self._stream.write(part)
         except OSError as error:
             raise RecordError(
                 f"{self.path}: cannot be written: {error.strerror or error}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import monotonic
 from typing import Any, Callable, Mapping, Sequence
 
 import numpy as np
@@ -12,9 +13,11 @@ from .body_facts import BodyFacts, Opening
 from .contact_log import ContactLog
 from .frame_views import FrameViews
 from .model_scene import ModelScene, body_names
-from .rollout_recorder import FRAME_DT, RolloutRecorder
+from .rollout_recorder import FRAME_DT, MOST_WAITING, RolloutRecorder
 from .step_memory import StepMemory
 from .told_facts import Names, ToldFacts
+
+_join = b"".join
 
 
 class MujocoRecorder(RolloutRecorder):
@@ -87,11 +90,14 @@ class MujocoRecorder(RolloutRecorder):
         pyramidal = int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
         memory = StepMemory(data, self._scratch)
         self._contact_log = ContactLog(model, memory, scene.geom_index, pyramidal)
-        self._copy_contacts, self._clock = memory.copy, memory.time
+        self._copy_contacts, self._clock = self._contact_log.copy, memory.time
         self._runge_kutta = int(model.opt.integrator) == int(mujoco.mjtIntegrator.mjINT_RK4)
         self._views = FrameViews(model, data, scene)
         self._gap = (frame_dt or 0.0) - 0.5 * self._physics_dt
         self._seen = self._since = 0
+        self._fewest = (
+            0  # physics steps in a control step; before the last of them no frame is kept
+        )
         self._counted = False
         self._held: tuple[float, bytes, bytes | None] | None = None
         self._whole = self._taken = False
@@ -103,6 +109,8 @@ class MujocoRecorder(RolloutRecorder):
             self._take_frame()
         if substeps:
             step_hook.watch(mujoco, data, self)
+        else:
+            self.step = self._step_alone()  # type: ignore[method-assign]
 
     @property
     def time(self) -> float:
@@ -120,21 +128,30 @@ class MujocoRecorder(RolloutRecorder):
 
     def take_steps(self, step: Callable[..., None], model: Any, data: Any, count: int) -> None:
         """Take physics steps; where none of them can be a frame, look at its contacts alone."""
-        clock, take, every = self._clock, self._contact_log.take, self._frame_dt is None
-        whole, passed = self._runge_kutta, 0
-        for last in range(count - 1, -1, -1):
-            if (not last if every else clock.value > self._next) or whole:
+        take, light = self._contact_log.take, 0
+        if self._frame_dt is None and not self._runge_kutta:
+            light = count - 1
+            for _ in range(light):
+                step(model, data)
+                take()
+            if light:
+                self._passed(light)
+        clock = self._clock
+        for _ in range(count - light):
+            if self._frame_dt is None or self._runge_kutta or clock.value > self._next:
                 self.before_step()
                 step(model, data)
                 self.after_step()
             else:
                 step(model, data)
                 take()
-                passed += 1
-        if passed:
-            self._seen += passed
-            self._since += passed
-            self._whole = True
+                self._passed(1)
+
+    def _passed(self, steps: int) -> None:
+        """Count physics steps whose contacts alone were looked at."""
+        self._seen += steps
+        self._since += steps
+        self._whole = True
 
     def before_step(self) -> None:
         """A physics step begins: joints are now what its poses will be."""
@@ -161,8 +178,9 @@ class MujocoRecorder(RolloutRecorder):
     def before_contacts(self) -> None:
         """Contacts are about to be found anew without forces: keep what the step before left."""
         if self._whole and self._frame_dt is None:
-            contacts = None if self._taken else self._copy_contacts()
-            self._held = self._moment, self._views.copy(self._joint_state), contacts
+            if self._since >= self._fewest:
+                contacts = None if self._taken else self._copy_contacts()
+                self._held = self._moment, self._views.copy(self._joint_state), contacts
             self._whole = False
 
     def after_forward(self) -> None:
@@ -180,19 +198,56 @@ class MujocoRecorder(RolloutRecorder):
             if self._unsure:
                 self._ask_whether_late()
             if self._take_moment(now - self._late):
-                self._waiting.append(self._views.copy_all())
+                self._waiting.append(_join(self._views.all))
                 self._contact_log.end_frame(self._copy_contacts())
             return now
-        self._since = 0
+        since, self._since = self._since, 0
         if self._frame_dt is None:
+            self._fewest = min(since, self._fewest) or since
             held = self._held
-            if held is None:
+            if held is not None:
+                if self._take_moment(held[0]):
+                    self._waiting.append(held[1])
+                    self._contact_log.end_frame(held[2])
+                    self._taken = False
+            elif (
+                self._whole
+            ):  # else it is shorter than all before, and its end was not known in time
                 self._take_frame()
-            elif self._take_moment(held[0]):
-                self._waiting.append(held[1])
-                self._contact_log.end_frame(held[2])
-                self._taken = False
         return now
+
+    def _step_alone(self) -> Callable[..., None]:
+        """``step`` where no physics step is seen, as one function of local names.
+
+        Simulators need the processor's caches for themselves, so that every attribute and every call takes
+        several times as long as in a loop of its own.
+        """
+        clock, views, times, waiting = self._clock, self._views.all, self._times, self._waiting
+        copy, end_frame = self._copy_contacts, self._contact_log.end_frame
+        acted, most, usual = self._acted, MOST_WAITING, super().step
+
+        def step(action: Any = None) -> None:
+            now = clock.value
+            if self._unsure or self._closed or self._since or now < self._latest:
+                usual(action)
+                return
+            moment = now - self._late
+            if moment > self._last:
+                self._last = moment + 1e-9
+                times.append(moment)
+                waiting.append(_join(views))
+                end_frame(copy())
+            self._latest = now
+            if action is not None:
+                if getattr(action, "dtype", 0) is not self._kind:
+                    action = self._cast(action)
+                self._action = action.tobytes()
+            acted.append((now, len(times), self._action))
+            if len(waiting) >= most or monotonic() > self._due:
+                self._flush()
+
+        step.__doc__ = usual.__doc__
+        return step
 
     def _ask_whether_late(self) -> None:
         """Look whether poses are those of this moment, or of the physics step before."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from array import array
 from pathlib import Path
-from struct import Struct
-from typing import Any, Callable, Container, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Container, Mapping, Sequence
 
 import numpy as np
 
+from .bullet_touches import BulletTouches, read_touches
 from .link_tree import Hinge, LinkTree, Motion
 from .mesh_files import read_hulls
 from .point_log import Row
@@ -17,15 +17,8 @@ from .record_error import RecordError
 from .rollout_recorder import FRAME_DT
 from .scene_parts import MeshStore, cross, describe_body, describe_geom, multiply, turn
 from .told_facts import Names, ToldFacts, named_side, names_gripper, tell_apart
-from .zip_trace import CONTACT_POINT
 
 _XYZW = [3, 0, 1, 2]
-_TOUCH = np.dtype(
-    [("position", "<f8", 3), ("normal", "<f8", 3), ("axes", "<f8", (2, 3)), ("apart", "<f8"),
-     ("forces", "<f8", 3), ("geoms", "<u2", 2)]
-)  # fmt: skip
-"""A contact as PyBullet tells it: along the normal and both axes of friction there is a force."""
-_pack_touch = Struct("<16d2H").pack
 _STILL = (0.0,) * 6
 _SAME, _NEAR = 1e-6, 1e-4
 """m, by how much a link may be elsewhere than its joint puts it; what PyBullet tells of joints is rounded to 32 bits."""
@@ -142,7 +135,7 @@ class PyBulletRecorder(PointRecorder):
         self._centres: list[tuple[Any, Any]] = []
         self._bodies, self._joints = [], []
         count = 0
-        self._pairs = _Pairs()
+        self._touches = BulletTouches()
         self._driven = [
             i for i, info in joints.items() if int(info[2]) in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC)
         ]
@@ -188,7 +181,7 @@ class PyBulletRecorder(PointRecorder):
             if geoms is None:
                 lost.append(names[i])
             if geoms:
-                self._pairs.first[body, link] = count
+                self._touches.first[body, link] = count
             count += len(geoms or ())
             above = None if link < 0 else place[body, int(joints[i][16])]
             self._bodies.append(
@@ -300,29 +293,13 @@ class PyBulletRecorder(PointRecorder):
         return told
 
     def _points(self, known: Container[Any] = ()) -> list[Row]:  # noqa: ARG002 - all is told at once
-        pairs = self._pairs
-        return [
-            (pairs[c[1:5]], c[9], c)
-            for c in self._p.getContactPoints(physicsClientId=self._client)
-            if c[9] > 0.0 or c[8] <= 0.0
-        ]
+        return self._touches.rows(self._p.getContactPoints(physicsClientId=self._client))
 
     def _pack_point(self, point: Any) -> bytes:
-        _, a, b, link, other, (x, y, z), _, (u, v, w), apart, size, *along = point
-        push, (i, j, k), pull, (r, s, t) = along
-        one, two = self._pairs.first[a, link], self._pairs.first[b, other]
-        return _pack_touch(x, y, z, u, v, w, i, j, k, r, s, t, apart, size, push, pull, one, two)
+        return self._touches.pack(point)
 
     def _read_points(self, block: bytes) -> Any:
-        told = np.frombuffer(block, _TOUCH)
-        points = np.zeros(len(told), CONTACT_POINT)
-        forces, axes = told["forces"][..., None], told["axes"]
-        # Bullet's normal points from the second body to the first
-        points["position"], points["normal"] = told["position"], -told["normal"]
-        points["force"] = -forces[:, 0] * told["normal"] - (forces[:, 1:] * axes).sum(axis=1)
-        points["depth"] = -told["apart"]
-        points["geom1"], points["geom2"] = told["geoms"].T
-        return points
+        return read_touches(block)
 
     def _columns(self, frames: list[Any]) -> dict[str, Any]:
         every = np.frombuffer(b"".join(frames)).reshape(len(frames), -1)
@@ -416,24 +393,6 @@ class PyBulletRecorder(PointRecorder):
             return None
         joint = self._driven.index(i) if slides or turns else None
         return Hinge(above, turn(self._centres[i][1], axis), slides, joint)
-
-
-class _Pairs(Dict[Tuple[int, int, int, int], Optional[int]]):
-    """Bodies and links of a contact → number of the pair, in whatever order they stand; None: not in the trace.
-
-    Attributes:
-        first: body and link → the first of its shapes.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.first: dict[tuple[int, int], int] = {}
-
-    def __missing__(self, key: tuple[int, int, int, int]) -> int | None:
-        one, other = self.first.get((key[0], key[2])), self.first.get((key[1], key[3]))
-        pair = None if one is None or other is None else min(one, other) << 20 | max(one, other)
-        self[key] = pair
-        return pair
 
 
 def _hulls(name: str, scale: Sequence[float]) -> list[Any]:

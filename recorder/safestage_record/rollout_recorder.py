@@ -63,6 +63,7 @@ class RolloutRecorder(ABC):
         self._waiting: list[Any] = []
         self._acted: list[tuple[float, int, bytes | None]] = []
         self._action: bytes | None = None
+        self._kind: Any = None
         self._times: list[float] = []
         self._steps: list[float] = []
         self._latest = 0.0
@@ -88,7 +89,9 @@ class RolloutRecorder(ABC):
             self._open()
         self._latest = now = self._end_step()
         if action is not None:
-            self._action = np.array(action, np.float32).tobytes()
+            if getattr(action, "dtype", 0) is not self._kind:
+                action = self._cast(action)
+            self._action = action.tobytes()
         self._acted.append((now, len(self._times), self._action))
         if len(self._waiting) >= MOST_WAITING or monotonic() > self._due:
             self._flush()
@@ -218,18 +221,25 @@ class RolloutRecorder(ABC):
         self._waiting.append(frame)
         return True
 
+    def _cast(self, action: Any) -> Any:
+        """An action in the numbers that the first one had, so that most are copied as they are."""
+        if self._kind is None:
+            wide = getattr(action, "dtype", None) == np.float64
+            self._kind = np.dtype(np.float64 if wide else np.float32)
+        return np.array(action, self._kind)
+
     def _take_actions(self, count: int) -> Any:
         """(count, A) the action of the control step that each of the last frames belongs to."""
         times, ends, given = zip(*self._acted, (self._latest, len(self._times), self._action))
         self._steps += times[:-1]
-        self._acted = []
+        self._acted.clear()
         if self._action is None:
             return np.zeros((count, 0))
         nothing = bytes(len(self._action))
         block = b"".join([nothing if action is None else action for action in given])
         if len(block) != len(given) * len(nothing):
             raise RecordError(f"{self.path}: actions of several lengths. Allowed: always the same.")
-        table = np.frombuffer(block, np.float32).reshape(len(given), -1)
+        table = np.frombuffer(block, self._kind).reshape(len(given), -1)
         frames = np.arange(len(self._times) - count, len(self._times))
         return table[np.searchsorted(ends, frames, side="right")]
 
@@ -237,7 +247,8 @@ class RolloutRecorder(ABC):
         """Turn the frames that wait into arrays, and write them to the journal."""
         if not self._waiting:
             return
-        frames, self._waiting = self._waiting, []
+        frames = self._waiting[:]
+        self._waiting.clear()
         columns = self._columns(frames)
         columns["t"] = np.array(self._times[-len(frames) :], np.float64)
         columns["contacts"], columns["counts"] = self._contacts()

@@ -48,7 +48,7 @@ def test_numbers_contacts_and_forces_are_those_of_mujoco_in_every_step(monkeypat
     for _ in range(400):
         mujoco.mj_step(model, data)
         assert memory.time.value == data.time
-        copied = memory.copy()
+        copied = memory.copier()()
         assert bool(copied) == bool(data.ncon)
         if data.ncon:
             assert step_memory.HEAD.unpack_from(copied) == (data.ncon, data.nefc)
