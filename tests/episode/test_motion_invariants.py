@@ -41,3 +41,28 @@ def test_another_unit_or_direction_contradicts(shake, factor):
 def test_the_velocity_of_another_axis_contradicts():
     t, pose, velocity = turning(1.0, 0.0)
     assert contradicts(t, pose, velocity[:, [2, 0, 1]])
+
+
+def sliding(speed: float, shake: float) -> tuple[np.ndarray, ...]:
+    """10 s along x at ``speed`` (m/s), shaken along z; sampled on one side of the shake, whose speed is ``shake``."""
+    t = np.arange(0, 10, 1 / RATE)
+    zero = np.zeros_like(t)
+    place = np.column_stack([speed * t, zero, zero])
+    return t, place.astype(np.float32), np.column_stack([zero + speed, zero, zero + shake])
+
+
+def contradicts_place(t: np.ndarray, place: np.ndarray, velocity: np.ndarray) -> bool:
+    return bool(check_velocities(t, place, velocity.astype(np.float32), "position", "mug", "here"))
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.02, 0.3])
+def test_a_thing_that_rattles_between_fingers_contradicts_nothing(speed):
+    assert not contradicts_place(*sliding(speed, 0.09))
+    assert contradicts_place(*sliding(speed, 0.5))
+
+
+@pytest.mark.parametrize("shake", [0.0, 0.09])
+@pytest.mark.parametrize("factor", [-1.0, 100.0, 10.0, 0.1, 0.01])
+def test_another_unit_or_direction_of_way_contradicts(shake, factor):
+    t, place, velocity = sliding(0.3, shake)
+    assert contradicts_place(t, place, velocity * factor)
