@@ -21,9 +21,14 @@ HEAVY = 1e6
 """kg m² or kg: what a degree of freedom of the robot weighs, so that no contact changes its motion."""
 ALIKE = 0.03
 """N: a pair's force is known if the two accelerations that the rows allow give the same but for this."""
-FIRM, PART = 0.5, 0.1
+STEADY, STEADY_ON_FIXED = 1.0, 0.1
+"""N by which it may change from row to row: where commands drive it faster, it jumps with each of them.
+The second is that of what presses on something that stands fixed: that does not give way."""
+SENSITIVE = 1e-5
+"""N: a force that the two accelerations change by more hangs on the robot."""
+FIRM, PART, MOST = 0.5, 0.1, 1.0
 """N: a pair that presses by so much with either acceleration touches, with at least this share of the lesser
-force. (Of 5,000 pairs whose command was known, none pressed with less than a tenth.)"""
+force, and no more than so many N are taken for certain. (So it was with all of 1,878 pairs whose command was known.)"""
 
 
 def contacts(
@@ -39,8 +44,9 @@ def contacts(
     What a robot presses with follows from its commands. Where these are not stored, how it moves is:
     with its acceleration given, the forces between it and the world do not depend on commands. The
     acceleration at a row is between those of the intervals before it and after it. Where the two give
-    one force, that is it. Where not (something strikes, or slips), the force is unknown: NaN, or what is
-    certain of it and one more contact of the pair, with NaN.
+    one force, and the rows beside it a like one, that is it. Where not (something strikes, slips or is
+    pressed harder and harder), the force is unknown: NaN, or what is certain of it and one more contact
+    of the pair, with NaN.
 
     Args:
         model: of the scene; unchanged when this returns.
@@ -56,6 +62,8 @@ def contacts(
     """
     data, weight, tolerance = mujoco.MjData(model), model.dof_armature.copy(), model.opt.tolerance
     robot = np.isin(model.body_rootid, model.body_rootid[model.dof_bodyid[driven]])
+    loose = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+    free = np.isin(model.body_rootid, model.body_rootid[loose])
     before, after = accelerations(time, qvel)
     commanded = ctrl.shape[1] > 0
     parts = []
@@ -67,33 +75,40 @@ def contacts(
             data.qpos[:], data.qvel[:] = qpos[frame], qvel[frame]
             if commanded:
                 data.ctrl[:] = ctrl[frame]
-                force = forces(model, data)
+                one = other = forces(model, data)
             else:
-                force = forces(model, data, driven, before[frame])
+                one = other = forces(model, data, driven, before[frame])
             found = data.contact
             geom = np.stack([found.geom1, found.geom2], axis=1)
-            bodies, partly = model.geom_bodyid[geom], np.zeros(0, np.intp)
-            rows = np.concatenate([found.pos, found.frame, force, found.dist[:, None]], axis=1)
-            pressing = (found.efc_address >= 0) & ((force[:, 0] > 0) | (found.dist <= 0))
-            if not commanded and robot[bodies].any():
+            rows = np.column_stack([geom, found.pos, found.frame, found.dist])
+            there = found.efc_address >= 0
+            if not commanded and robot[model.geom_bodyid[geom]].any():
                 other = forces(model, data, driven, after[frame])
-                pressing |= (found.efc_address >= 0) & (other[:, 0] > 0)
-                rows[:, 12:15], partly = agreed(force, other, bodies)
-            kept = np.concatenate([np.flatnonzero(pressing), partly])
-            rows = rows[kept]
-            rows[len(kept) - len(partly) :, 12:15] = np.nan
-            parts.append((np.full(len(kept), frame), geom[kept], rows))
+            pressing = (one[:, 0] > 0) | (other[:, 0] > 0) | (rows[:, -1] <= 0)
+            table = np.column_stack([np.full(len(rows), frame), rows, one, other])
+            parts.append(table[there & pressing])
     finally:
         model.dof_armature[:], model.opt.tolerance = weight, tolerance
-    frames, geom, table = (np.concatenate(part) for part in zip(*parts))  # noqa: B905 — Python 3.8
+    table = np.concatenate(parts)
+    frames, geom, force = (
+        table[:, 0].astype(np.int64),
+        table[:, 1:3].astype(np.int64),
+        table[:, 16:19],
+    )
+    axes = table[:, 6:15].reshape(-1, 3, 3)
+    if not commanded:
+        force, partly = agreed(
+            frames, model.geom_bodyid[geom], axes, force, table[:, 19:22], robot, ~free & ~robot
+        )
+        kept = np.concatenate([np.arange(len(table)), partly])
+        force = np.concatenate([force, np.full((len(partly), 3), np.nan)])
+        order = np.argsort(frames[kept], kind="stable")
+        table, force, kept = table[kept][order], force[order], kept[order]
+        frames, geom, axes = frames[kept], geom[kept], axes[kept]
     return {
-        "frame": frames.astype(np.int64),
-        "geom": geom.astype(np.int64),
-        "position": table[:, :3],
-        "axes": table[:, 3:12].reshape(-1, 3, 3),
-        "force": table[:, 12:15],
+        "frame": frames, "geom": geom, "position": table[:, 3:6], "axes": axes, "force": force,
         "distance": table[:, 15],
-    }
+    }  # fmt: skip
 
 
 def accelerations(time: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,23 +140,55 @@ def forces(
     return out[:, :3]
 
 
-def agreed(one: np.ndarray, other: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What two forces (C, 3) N on contacts of pairs of ``bodies`` (C, 2) have in common.
+def agreed(
+    frame: np.ndarray,
+    bodies: np.ndarray,
+    axes: np.ndarray,
+    one: np.ndarray,
+    other: np.ndarray,
+    robot: np.ndarray,
+    fixed: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What two forces on contacts have in common.
+
+    Args:
+        frame: (C,) of each contact.
+        bodies: (C, 2) that touch.
+        axes: (C, 3, 3) of the forces.
+        one: (C, 3) N.
+        other: (C, 3) N.
+        robot: (nbody,) parts of robots.
+        fixed: (nbody,) what stands fixed, with its drawers and doors.
 
     Returns:
-        (C, 3) N, their mean; where those of a pair differ what is certain, or NaN. Then the first
-        contact of each pair of which more than nothing is certain, and not all.
+        (C, 3) N, their mean; of pairs that differ, or whose force is unsteady, what is certain, or NaN.
+        Then the first contact of each pair at a frame of which more than nothing is certain, and not all.
     """
-    _, first, pair = np.unique(
-        np.sort(bodies, axis=1), axis=0, return_index=True, return_inverse=True
+    low, high, many = bodies.min(axis=1), bodies.max(axis=1), len(robot)
+    keys, first, at = np.unique(
+        (frame * many + low) * many + high, return_index=True, return_inverse=True
     )
-    pair = pair.ravel()
-    apart = np.bincount(pair, np.linalg.norm(other - one, axis=1)) > ALIKE
-    press = np.array([np.bincount(pair, force[:, 0]) for force in (one, other)])
-    firm = apart & (press.min(axis=0) >= FIRM)
-    lesser = np.where((press[0] <= press[1])[pair, None], one, other)
-    certain = np.where(firm[pair, None], PART * lesser, np.nan)
-    return np.where(apart[pair, None], certain, (one + other) / 2), first[firm]
+    at = at.ravel()
+    sign = np.where(bodies[:, 0] == low, 1.0, -1.0)
+    on_high = np.einsum("c,ck,ckx->cx", sign, (one + other) / 2, axes)
+    total = np.column_stack([np.bincount(at, on_high[:, i], len(keys)) for i in range(3)])
+    apart = np.bincount(at, np.linalg.norm(other - one, axis=1), len(keys))
+    change = np.zeros(len(keys))
+    for step in (-1, 1):
+        there = np.searchsorted(keys, keys + step * many**2)
+        there[there == len(keys)] = 0
+        beside = np.where((keys[there] == keys + step * many**2)[:, None], total[there], 0)
+        within = (frame[first] + step >= 0) & (frame[first] + step <= frame.max(initial=0))
+        change = np.maximum(change, within * np.linalg.norm(total - beside, axis=1))
+    hangs = robot[bodies[first]].any(axis=1) | (apart > SENSITIVE)
+    steady = np.where(fixed[bodies[first]].any(axis=1), STEADY_ON_FIXED, STEADY)
+    open_ = (apart > ALIKE) | hangs & (change > steady)
+    press = np.array([np.bincount(at, force[:, 0], len(keys)) for force in (one, other)])
+    firm = open_ & (press.min(axis=0, initial=np.inf) >= FIRM)
+    lesser = np.where((press[0] <= press[1])[at, None], one, other)
+    share = np.minimum(PART, MOST / np.maximum(press.min(axis=0, initial=np.inf), FIRM))
+    certain = np.where(firm[at, None], share[at, None] * lesser, np.nan)
+    return np.where(open_[at, None], certain, (one + other) / 2), first[firm]
 
 
 def forward(source: str, target: str) -> None:

@@ -81,19 +81,21 @@ PRESS = """
 """
 
 
-def pressing(rows=60, steps=25):
+def pressing(rows=60, steps=25, *, fixed=False):
     """States of an arm that goes up and down on a box with commands that nobody stores.
+
+    ``fixed``: the box is, and each row has a command of its own.
 
     Returns:
         The model, its (rows, 1 + nq + nv) states, (rows,) N that the arm presses with, and the (rows, 1) commands.
     """
-    text = scene(bodies=PRESS, rest=MOTOR)
+    text = scene(bodies=PRESS.replace("<freejoint/>", "") if fixed else PRESS, rest=MOTOR)
     model = mujoco.MjModel.from_xml_string(text)
     data, force = mujoco.MjData(model), np.zeros(6)
     states, truth, commands = [], [], []
     ids = {model.body(name).id for name in ("robot0_link1", "under")}
     for step in range(rows * steps):
-        time = step * model.opt.timestep
+        time = (step - step % steps if fixed else step) * model.opt.timestep
         data.ctrl[:] = 4 * np.sin(1.5 * time) + (12 if time > 1.5 else -8 if time > 1.2 else 0)
         mujoco.mj_forward(model, data)
         if step % steps == 0:
@@ -125,6 +127,20 @@ def test_what_a_robot_presses_with_is_right_or_unknown_without_its_commands(tmp_
     assert np.abs(found.lower - truth)[known].max() < 0.05
     assert (found.lower <= truth + 0.05).all()  # what is certain of the others
     assert (found.lower >= 0.05)[~known].any()
+
+
+def test_what_a_robot_presses_on_a_fixed_thing_with_is_right_or_unknown(tmp_path):
+    """It jumps with each command, and the rows do not show when: they look like a steady push."""
+    text, states, truth, _ = pressing(fixed=True)
+    about = {"mujoco_version": mujoco.__version__}
+    episode, _ = read(demo_file(tmp_path / "d.hdf5", text, states, about=about))
+    found = Signals(episode).get("contact_force", ["robot0_link1", "under"])
+    known = found.lower == found.upper
+    assert truth.max() > 10
+    assert (~known & (truth > 0.1)).sum() > 20
+    assert np.abs(found.lower - truth)[known].max() < 0.05
+    assert (found.lower <= truth + 0.05).all()
+    assert (found.lower > 0.05)[~known & (truth > 1)].mean() > 0.9  # that it touches is certain
 
 
 def test_stored_commands_give_the_forces_they_cause(tmp_path):
