@@ -183,10 +183,11 @@ def agreed(
     hangs = robot[bodies[first]].any(axis=1) | (apart > SENSITIVE)
     steady = np.where(fixed[bodies[first]].any(axis=1), STEADY_ON_FIXED, STEADY)
     open_ = (apart > ALIKE) | hangs & (change > steady)
-    press = np.array([np.bincount(at, force[:, 0], len(keys)) for force in (one, other)])
-    firm = open_ & (press.min(axis=0, initial=np.inf) >= FIRM)
+    press = [np.bincount(at, force[:, 0], len(keys)) for force in (one, other)]
+    least = np.minimum(*press).astype(np.float64)
+    firm = open_ & (least >= FIRM)
     lesser = np.where((press[0] <= press[1])[at, None], one, other)
-    share = np.minimum(PART, MOST / np.maximum(press.min(axis=0, initial=np.inf), FIRM))
+    share = np.minimum(PART, MOST / np.maximum(least, FIRM))
     certain = np.where(firm[at, None], share[at, None] * lesser, np.nan)
     return np.where(open_[at, None], certain, (one + other) / 2), first[firm]
 

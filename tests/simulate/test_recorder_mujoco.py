@@ -187,3 +187,29 @@ def test_a_push_goes_on_through_what_moves_but_not_through_the_table():
     robot = np.arange(5) == 1
     assert pushed_by_robot(points, model, robot).tolist() == [True, True, True, False, True]
     assert not pushed_by_robot(points[3:], model, robot).any()
+
+
+FAR = '<body name="{}" pos="0 0 1">{}<geom size=".1"/></body>'
+
+
+@pytest.mark.parametrize(
+    ("bodies", "motor"),
+    [
+        ("", ""),
+        (FAR.format("ball", "<freejoint/>"), ""),
+        (FAR.format("robot0_link1", '<joint name="j"/>'), MOTOR),
+    ],
+)
+@pytest.mark.parametrize("rows", [1, 2, 5])
+def test_states_in_which_nothing_touches(tmp_path, bodies, motor, rows):
+    text = scene(bodies=bodies, rest=motor)
+    text = text.replace('name="floor"', 'name="floor" contype="0" conaffinity="0"')
+    model = mujoco.MjModel.from_xml_string(text)
+    states = np.tile(np.concatenate([[0.0], model.qpos0, np.zeros(model.nv)]), (rows, 1))
+    states[:, 0] = 0.05 * np.arange(rows)
+    about = {"mujoco_version": mujoco.__version__, "env_info": '{"control_freq": 20}'}
+    path = demo_file(tmp_path / "d.hdf5", text, states, about=about)
+    for python in (None, Path(sys.executable)):
+        episode, _ = read(path, python=python)
+        assert len(episode) == rows
+        assert len(episode.contacts) == 0
