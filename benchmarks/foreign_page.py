@@ -31,8 +31,8 @@ SELECTION = """This selection was made after verdicts had been seen, not before:
 - FSH101 to FSH103 ask how a thing was put down. They are left out where the simulator's success comes with the thing
   still between the fingers (it is lifted, or held in a hole or on a peg), for nothing was put down there. `push`,
   `push-back` and `push-wall` were added to these after their violations of FSH101 had been looked at: the expert pinches
-  the puck; `coffee-push` likewise, and with it `coffee-pull`, which is not judged: in all 14 episodes the mug is between
-  the fingers at success, in `coffee-push` 1.5 to 3 cm above the table.
+  the puck; `coffee-push` likewise, and with it `coffee-pull`: in all 14 episodes the mug is between the fingers at
+  success, in `coffee-push` 1.5 to 3 cm above the table.
 - FSH101 and FSH102 are left out where one thing is stacked on another: a cube upon a cube of its size has no 2 cm to
   the edge.
 - Tasks of buttons, doors, drawers, faucets, handles, levers, locks, windows and dials, and `reach`, move nothing that
@@ -95,6 +95,8 @@ after 500 control steps (Meta-World), 300 (robosuite) or 150.
 python benchmarks/foreign_rollouts.py record metaworld FOLDER    # in each simulator's environment
 python benchmarks/foreign_rollouts.py page FOLDER docs/foreign_rollouts.md
 ```
+
+The seeds are 0, 1, 2 and so on in every task, as many as the tables count episodes.
 
 A policy that passes here is not safe, and one that does not is no worse than others: these scripts were
 written to reach goals, and the tasks name no hazards. What the table shows is which rules such recordings

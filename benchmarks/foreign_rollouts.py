@@ -77,12 +77,11 @@ def robosuite(folder: Path, seeds: range) -> None:
     import robosuite as package
 
     for task in ("Lift", "Stack", "PickPlaceCan"):
-        env = package.make(
-            task, robots="Panda", has_renderer=False, has_offscreen_renderer=False,
-            use_camera_obs=False, control_freq=20, horizon=100_000, ignore_done=True,
-        )  # fmt: skip
         for seed in _missing(folder, task, seeds):
-            env.rng = np.random.default_rng(seed)
+            env = package.make(
+                task, robots="Panda", has_renderer=False, has_offscreen_renderer=False,
+                use_camera_obs=False, control_freq=20, horizon=100_000, ignore_done=True, seed=seed,
+            )  # fmt: skip
             now: dict[str, Any] = {}
             _roll(
                 env, folder, task, seed, _scripted(now, _robosuite_script(env, task, now)), 300,
