@@ -44,20 +44,72 @@ from simulate.policies.policy_names import policy_named
 from simulate.record.jobs import Job, Outcome, plan, record_one, recorded_ids
 from simulate.record.rollout import PROMPTS, roll_out
 from simulate.record.worker_pool import Died, run_many
-from simulate.tasks.task import tasks_matching
+from simulate.tasks.task import Task, tasks_matching
 from simulate.world.world import FRAME_RATE, FRAMES_PER_ACTION
 
 DEMO_HORIZON = 45.0
 """s; what has not reached its goal by then would wait for the task's horizon in vain."""
+WAYS = ("safe", "unsafe")
+LEAST = 20
+"""Demonstrations of each task and way that reach the goal."""
+MORE = 5
+"""Times that further seeds are tried where there are fewer."""
 HORIZON = 30.0
 """s of the rollouts of learned policies."""
 
 
 def demos(given: argparse.Namespace) -> None:
-    """Record demonstrations: seeds outermost, so that a cut leaves as many of every task."""
+    """Record demonstrations: seeds outermost, so that a cut leaves as many of every task.
+
+    Then on further seeds, where fewer than ``LEAST`` of a task and way reached the goal: the arm cannot follow
+    every push.
+    """
+    seeds = given.seeds
+    by_id = {task.id: task for task in given.tasks}
+    _record(given, [(task, way) for task in given.tasks for way in WAYS], seeds)
+    for _ in range(MORE):
+        lacking = _lacking(given)
+        if not lacking or time.time() > given.until:
+            break
+        seeds = range(seeds[-1] + 1, seeds[-1] + 1 + max(lacking.values()))
+        _record(given, [(by_id[task], way) for task, way in lacking], seeds)
+    for (task, way), count in _lacking(given).items():
+        print(f"{count} too few of {task}, {way}")
+
+
+def _lacking(given: argparse.Namespace) -> dict[tuple[str, str], int]:
+    """(task id, way) → how many demonstrations that reached their goal are missing."""
+    asked = min(LEAST, len(given.seeds) * given.rollouts)
+    reached = Counter(
+        (ref.fields["task"], ref.fields["policy"])
+        for ref in discover([given.work / "demos"])
+        if ref.problem is None and ref.fields.get("success")
+    )
+    missing = {
+        (task.id, way): asked - reached[task.id, f"demonstration:{way}"]
+        for task in given.tasks
+        for way in WAYS
+    }
+    return {which: count for which, count in missing.items() if count > 0}
+
+
+def _record(
+    given: argparse.Namespace, which: Iterable[tuple[Task, str]], seeds: Sequence[int]
+) -> None:
+    """Record what is not there yet, and print what came of it."""
     out = given.work / "demos"
-    ways = [f"demonstration:{way}" for way in ("safe", "unsafe")]
-    todo = plan(given.tasks, ways, given.seeds, ("default",), given.rollouts, horizon=DEMO_HORIZON)
+    todo = [
+        job
+        for task, way in which
+        for job in plan(
+            [task],
+            [f"demonstration:{way}"],
+            seeds,
+            ("default",),
+            given.rollouts,
+            horizon=DEMO_HORIZON,
+        )
+    ]
     todo.sort(key=lambda job: (job.setting.rollout, job.setting.seed))
     there = recorded_ids(out)
     todo = [job for job in todo if job.episode_id not in there]
