@@ -107,6 +107,7 @@ class MujocoRecorder(RolloutRecorder):
         self._next = self._last = -np.inf
         if self._at_present() is not False and np.any(data.xquat[1:]):
             self._take_frame()
+        self._copied: list[tuple[float, bytes, bytes, bytes | None]] = []
         if substeps:
             step_hook.watch(mujoco, data, self)
         else:
@@ -120,6 +121,7 @@ class MujocoRecorder(RolloutRecorder):
     def substep(self) -> None:
         """Look at the forces of a physics step; only where ``mujoco.mj_step`` is not what steps."""
         self._open()
+        self._catch_up()
         if not self._seen:
             self._counted = True
             self._contact_log.take()
@@ -217,37 +219,46 @@ class MujocoRecorder(RolloutRecorder):
         return now
 
     def _step_alone(self) -> Callable[..., None]:
-        """``step`` where no physics step is seen, as one function of local names.
+        """``step`` where no physics step is seen: in the usual case it only copies, to ``_copied``.
 
-        Simulators need the processor's caches for themselves, so that every attribute and every call takes
-        several times as long as in a loop of its own.
+        Simulators need the processor's caches for themselves, so that every attribute, call and list that is
+        looked at takes several times as long as in a loop of its own.
         """
-        clock, views, times, waiting = self._clock, self._views.all, self._times, self._waiting
-        copy, end_frame = self._copy_contacts, self._contact_log.end_frame
-        acted, most, usual = self._acted, MOST_WAITING, super().step
+        clock, views, copy, copied = self._clock, self._views.all, self._copy_contacts, self._copied
+        add, usual, kind, last = copied.append, super().step, self._kind, np.inf
 
         def step(action: Any = None) -> None:
+            nonlocal kind, last
             now = clock.value
-            if self._unsure or self._closed or self._since or now < self._latest:
+            if (
+                now <= last
+                or monotonic() > self._due
+                or getattr(action, "dtype", action) is not kind
+                or len(copied) >= MOST_WAITING
+            ):
+                self._catch_up()
                 usual(action)
+                kind, last = self._kind, np.inf if self._unsure else now + 1e-9
                 return
-            moment = now - self._late
-            if moment > self._last:
-                self._last = moment + 1e-9
-                times.append(moment)
-                waiting.append(_join(views))
-                end_frame(copy())
-            self._latest = now
-            if action is not None:
-                if getattr(action, "dtype", 0) is not self._kind:
-                    action = self._cast(action)
-                self._action = action.tobytes()
-            acted.append((now, len(times), self._action))
-            if len(waiting) >= most or monotonic() > self._due:
-                self._flush()
+            last = now + 1e-9
+            add((now, _join(views), copy(), None if action is None else action.tobytes()))
 
         step.__doc__ = usual.__doc__
         return step
+
+    def _catch_up(self) -> None:
+        """Take the frames that were only copied."""
+        if not self._copied:
+            return
+        ends, frames, contacts, actions = zip(*self._copied)
+        self._copied.clear()
+        before = len(self._times)
+        self._times += [now - self._late for now in ends]
+        self._latest, self._last, self._action = ends[-1], self._times[-1] + 1e-9, actions[-1]
+        self._acted += zip(ends, range(before + 1, len(self._times) + 1), actions)
+        self._waiting += frames
+        for each in contacts:
+            self._contact_log.end_frame(each)
 
     def _ask_whether_late(self) -> None:
         """Look whether poses are those of this moment, or of the physics step before."""

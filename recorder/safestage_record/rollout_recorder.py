@@ -100,7 +100,7 @@ class RolloutRecorder(ABC):
         """Say whether the task's goal is reached; the last frame is the time of the first success."""
         if reached is None:
             return
-        if reached and not self._success and self._times:
+        if reached and not self._success and len(self):
             self._success_time = self._times[-1] - self._times[0]
         self._success = bool(reached) or bool(self._success)
 
@@ -125,6 +125,7 @@ class RolloutRecorder(ABC):
     @property
     def stepped(self) -> int:
         """Control steps so far."""
+        self._catch_up()
         return len(self._steps) + len(self._acted)
 
     @property
@@ -134,6 +135,7 @@ class RolloutRecorder(ABC):
 
     def __len__(self) -> int:
         """Frames so far."""
+        self._catch_up()
         return len(self._times)
 
     def close(self) -> Path:
@@ -143,7 +145,7 @@ class RolloutRecorder(ABC):
             RecordError: no frame was recorded, or the file cannot be written.
         """
         self._stop()
-        if not self._times:
+        if not len(self):
             raise RecordError(f"{self.path}: no frame was recorded. Call step() after each action.")
         self._flush()
         self._log.write(self._header())
@@ -195,6 +197,9 @@ class RolloutRecorder(ABC):
     def _watch_no_more(self) -> None:  # noqa: B027 - only where something was hooked in
         """Leave the simulator as it was."""
 
+    def _catch_up(self) -> None:  # noqa: B027 - only where steps are copied without being counted
+        """Take the steps that were only copied."""
+
     # ------------------------------------------------------------------ inside
 
     def _open(self) -> None:
@@ -209,7 +214,7 @@ class RolloutRecorder(ABC):
         )
 
     def _stop(self) -> None:
-        self._closed = True
+        self._closed, self._due = True, -np.inf
         self._watch_no_more()
 
     def _keep(self, moment: float, frame: Any) -> bool:
@@ -245,6 +250,7 @@ class RolloutRecorder(ABC):
 
     def _flush(self) -> None:
         """Turn the frames that wait into arrays, and write them to the journal."""
+        self._catch_up()
         if not self._waiting:
             return
         frames = self._waiting[:]
@@ -263,7 +269,8 @@ class RolloutRecorder(ABC):
             scene = {"bodies": self._bodies, "joints": self._joints}
             self._log.begin(scene, self._fixed(), self._meshes)
         self._log.append(columns, self._header())
-        self._due = monotonic() + LONGEST_WAIT
+        if not self._closed:
+            self._due = monotonic() + LONGEST_WAIT
 
     def _proposed(self) -> list[tuple[dict[str, Any], list[float]]]:
         return [] if self._first is None else guess_ups(self._bodies, self._first)

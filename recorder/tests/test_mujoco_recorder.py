@@ -245,6 +245,36 @@ def test_without_the_physics_steps_frames_alone_are_recorded_and_the_header_says
     assert told["peak_force"].max() >= arrays["contacts"]["peak_force"].max()
 
 
+def test_frames_alone_are_the_same_looked_at_or_not(tmp_path):
+    """Steps that wait as copies are all there, in their order, whenever somebody asks in between."""
+    found = []
+    for look in (False, True):
+        model, data = scene()
+        path = tmp_path / f"{look}.zip"
+        recorder = safestage_record.mujoco(model, data, path, substeps=False)
+        step, poses = recorder.step, []
+        for i in range(400):
+            command(data, i)
+            mujoco.mj_step(model, data, nstep=2)
+            poses.append(data.xpos[1:].copy())
+            step(np.array([i, 0.5]) if i % 90 else [i, 0.5])
+            recorder.success(i == 250)
+            if look and i % 7 == 0:
+                assert (recorder.stepped, len(recorder)) == (i + 1, i + 2)
+        recorder.close()
+        with pytest.raises(safestage_record.RecordError, match="closed"):
+            step(np.array([0, 0.5]))
+        found.append(read(path))
+        header, arrays = found[-1]
+        assert header["success_time"] == pytest.approx(arrays["t"][251])
+        assert np.array_equal(arrays["action"][1:, 0], np.arange(400))
+        movable = [i for i, body in enumerate(body_names(model)) if body not in ("world", "table")]
+        own = np.array(poses)[:, np.array(movable) - 1].swapaxes(0, 1)
+        assert np.array_equal(arrays["position"][:, 1:], own.astype(np.float32))
+    for name, values in found[0][1].items():
+        assert np.array_equal(values, found[1][1][name]), name
+
+
 def test_kinds_fingers_masses_shapes_and_joints_are_the_models(tmp_path):
     model, data = scene()
     path = tmp_path / "t.zip"
