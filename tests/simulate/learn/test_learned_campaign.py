@@ -124,3 +124,37 @@ def stopped_with(do, given: argparse.Namespace) -> int:
     with pytest.raises(SystemExit) as stopped:
         do(given)
     return int(stopped.value.code)
+
+
+def test_further_seeds_make_up_for_demonstrations_that_fail(scripts, tmp_path, monkeypatch) -> None:
+    """Seeds that no push leaves feasible are made up for, in the task and way that lack them alone."""
+    campaign = scripts.campaign
+    there: list[SimpleNamespace] = []
+    asked = []
+
+    def record(_given: object, which: list, seeds: range) -> None:
+        for task, way in which:
+            asked.append((task.id, way, [*seeds]))
+            fields = {"task": task.id, "policy": f"demonstration:{way}"}
+            there.extend(
+                SimpleNamespace(problem=None, fields={**fields, "success": way == "safe" or s % 2})
+                for s in seeds
+            )
+
+    monkeypatch.setattr(campaign, "_record", record)
+    monkeypatch.setattr(campaign, "discover", lambda _folders: there)
+    given = argparse.Namespace(
+        tasks=[*tasks().values()][:2],
+        seeds=range(30),
+        rollouts=1,
+        work=tmp_path,
+        until=float("inf"),
+    )
+    campaign.demos(given)
+    more = [each for each in asked if each[2][0] >= 30]
+    assert {way for _, way, _ in more} == {"unsafe"}
+    assert more[0][2] == [*range(30, 35)]
+    counts = Counter(
+        (ref.fields["task"], ref.fields["policy"]) for ref in there if ref.fields["success"]
+    )
+    assert min(counts.values()) >= campaign.LEAST
