@@ -292,7 +292,7 @@ class PyBulletRecorder(PointRecorder):
                     told += state[7]
         return told
 
-    def _points(self, known: Container[Any] = ()) -> list[Row]:  # noqa: ARG002 - all is told at once
+    def _points(self, known: Container[Any] = ()) -> list[Row]:  # noqa: ARG002 - all are asked for at once
         return self._touches.rows(self._p.getContactPoints(physicsClientId=self._client))
 
     def _pack_point(self, point: Any) -> bytes:
@@ -380,7 +380,7 @@ class PyBulletRecorder(PointRecorder):
         centre, turned = self._centres[above]
         q = joints[self._driven.index(i)] if slides or turns else 0.0
         axis = np.array(info[13]) if slides or turns else np.zeros(3)
-        # the joint is told in the frames of the centres of mass
+        # PyBullet gives joints in the frames of the centres of mass
         across = multiply(orientation[above], turned)
         at = position[above] + turn(orientation[above], centre) + turn(across, np.array(info[14]))
         facing = multiply(across, np.array(info[15])[_XYZW] * np.array([1, -1, -1, -1]))

@@ -154,7 +154,7 @@ class Loads:
         return self._lasting(body, at, found)
 
     def _not_robot(self, body: int) -> list[int]:
-        """What ever touches a body, but for the robot and what is part of it."""
+        """Bodies that ever touch a body, without the robot and its parts."""
         bodies, part = self._episode.header.bodies, self._graph.assemblies.on_robot
         beside = self._sums.beside(body)
         return [x for x in beside if bodies[x].kind not in ("robot", "gripper") and not part(x)]

@@ -28,7 +28,7 @@ SENSITIVE = 1e-5
 """N: a force that the two accelerations change by more hangs on the robot."""
 FIRM, PART, MOST = 0.5, 0.1, 1.0
 """N: a pair that presses by so much with either acceleration touches, with at least this share of the lesser
-force, and no more than so many N are taken for certain. (So it was with all of 1,878 pairs whose command was known.)"""
+force, of which at most so many N are taken for certain. (All 1,878 pairs whose command was known were at least as strong.)"""
 
 
 def contacts(
@@ -149,7 +149,7 @@ def agreed(
     robot: np.ndarray,
     fixed: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What two forces on contacts have in common.
+    """Return the contact forces that two estimates agree on.
 
     Args:
         frame: (C,) of each contact.

@@ -1,4 +1,4 @@
-"""What is said of relations where forces are missing holds whatever the forces were, and is said of others."""
+"""Relations that are known although some forces are missing hold for whatever the forces were."""
 
 from dataclasses import fields, replace
 from pathlib import Path
