@@ -129,8 +129,11 @@ def test_an_unfinished_recording_is_not_written_over(tmp_path):
     (tmp_path / "t.zip.unfinished").write_bytes(b"")
     model, data = scene()
     recorder = safestage_record.mujoco(model, data, tmp_path / "t.zip")
-    mujoco.mj_step(model, data)
-    with pytest.raises(safestage_record.RecordError, match="python -m safestage_record recover"):
+    unfinished = pytest.raises(
+        safestage_record.RecordError, match="python -m safestage_record recover"
+    )
+    with unfinished, recorder:  # which lets go of mj_step
+        mujoco.mj_step(model, data)
         recorder.step()
 
 
