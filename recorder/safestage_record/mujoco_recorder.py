@@ -95,9 +95,8 @@ class MujocoRecorder(RolloutRecorder):
         self._views = FrameViews(model, data, scene)
         self._gap = (frame_dt or 0.0) - 0.5 * self._physics_dt
         self._seen = self._since = 0
-        self._fewest = (
-            0  # physics steps in a control step; before the last of them no frame is kept
-        )
+        # physics steps in the shortest control step so far; before the last of them no frame is kept
+        self._fewest = 0
         self._counted = False
         self._held: tuple[float, bytes, bytes | None] | None = None
         self._whole = self._taken = False

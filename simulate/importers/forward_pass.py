@@ -27,8 +27,8 @@ The second is that of what presses on something that stands fixed: that does not
 SENSITIVE = 1e-5
 """N: a force that the two accelerations change by more hangs on the robot."""
 FIRM, PART, MOST = 0.5, 0.1, 1.0
-"""N: a pair that presses by so much with either acceleration touches, with at least this share of the lesser
-force, of which at most so many N are taken for certain. (All 1,878 pairs whose command was known were at least as strong.)"""
+"""A pair whose force is at least FIRM (N) with either acceleration is in contact. This share of the lesser force,
+and at most MOST (N), counts as certain: all 1,878 pairs whose command was known pressed at least as hard."""
 
 
 def contacts(
