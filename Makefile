@@ -114,7 +114,7 @@ learned-campaign: $(BIN)/pytest  ## roll the shipped policies out, and write doc
 
 corpus: $(BIN)/pytest  ## record a thousand of these rollouts again, whole, and pack them to be published
 	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
-	$(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/corpus.csv --out $(LEARN)/recordings
+	$(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/corpus.csv --out $(LEARN)/recordings --least 1000
 	$(CORPUS) publish $(LEARN)/recordings --out $(LEARN)/corpus
 	$(CORPUS) check $(LEARN)/corpus
 
@@ -122,7 +122,7 @@ learned-sheets: $(BIN)/pytest  ## draw 200 of these rollouts to be looked at, an
 	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
 	for list in look blind; do \
 	  $(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/$$list.csv --out $(LEARN)/$$list || exit 1; \
-	  $(BIN)/safestage sheets draw $(LEARN)/$$list --list $(LEARN)/lists/$$list.csv \
+	  $(BIN)/safestage sheets draw $(LEARN)/$$list --list $(LEARN)/$$list.csv --hide-success \
 	    --out $(LEARN)/sheets/$$list || exit 1; \
 	done
 

@@ -67,7 +67,7 @@ def test_what_is_looked_at(scripts) -> None:
     rest = [Safe(**vars(result(i))) for i in range(1000, 2000)]
     found = scripts.corpus.looked_at([*undecided[:20], *safe, *rest])
     counts = Counter(why for _, why in found)
-    assert len({name for name, _ in found}) == len(found) == 200
+    assert len({name for name, _ in found}) == len(found) == scripts.corpus.LOOKED_AT >= 200
     assert counts["undecided"] == 20
     assert counts["random"] >= 100
     assert counts["success may look otherwise"] >= 60
@@ -98,7 +98,7 @@ def test_rolled_out_recorded_again_published_and_checked(
     assert hashes == [json.loads(line)["result"]["trace_hash"] for line in cut]
     scripts.campaign.rows(argparse.Namespace(work=tmp_path))
     given = argparse.Namespace(
-        results=tmp_path / "results.jsonl", out=tmp_path / "lists", count=2, jobs=1
+        results=tmp_path / "results.jsonl", out=tmp_path / "lists", count=2, jobs=1, least=2
     )
     scripts.corpus.choose(given)
     given.list, given.out = tmp_path / "lists/corpus.csv", tmp_path / "traces"
@@ -107,6 +107,10 @@ def test_rolled_out_recorded_again_published_and_checked(
         names = {row["episode_id"] for row in csv.DictReader(file)}
     assert len(names) == 2
     assert recorded_ids(tmp_path / "traces") == names
+    assert (tmp_path / "traces.csv").read_text() == given.list.read_text()
+    given.least = 3
+    assert stopped_with(scripts.corpus.record, given) == 1, "fewer than asked for came out again"
+    given.least = 1
     publishing = argparse.Namespace(traces=tmp_path / "traces", out=tmp_path / "corpus")
     assert stopped_with(scripts.corpus.publish, publishing) == 0
     card = (tmp_path / "corpus/README.md").read_text()
