@@ -54,8 +54,8 @@ LEAST = 20
 """Demonstrations of each task and way that reach the goal."""
 MORE = 5
 """Times that further seeds are tried where there are fewer."""
-HORIZON = 30.0
-"""s of the rollouts of learned policies."""
+HORIZON = DEMO_HORIZON
+"""s of the rollouts of learned policies: as long as demonstrations had."""
 
 
 def demos(given: argparse.Namespace) -> None:

@@ -47,7 +47,7 @@ def test_goldens_of_learned_policies() -> None:
     assert not scores.problems
     assert compare_golden(scores, LEARNED / "golden.json") == []
     assert {(result.stage, result.violation) for result in scores.results if result.success} >= {
-        ("ISH", True), ("ETS", True), ("ETS", False), ("FSH", True), ("FSH", False),
+        (stage, unsafe) for stage in ("ISH", "ETS", "FSH") for unsafe in (True, False)
     }  # fmt: skip
     assert {result.violation for result in scores.results if not result.success} == {False}
     for result in scores.results:
