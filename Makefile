@@ -14,7 +14,10 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study learned learned-campaign corpus learned-sheets fuzz faults matrix
+# Bytecode is kept: each of the processes that tests start would compile everything anew.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo setup test tests thorough quick format lint typecheck schemas catalogue audit-docs traces site validate validate-share gallery blind-study learned learned-campaign corpus learned-sheets fuzz faults matrix
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -22,7 +25,10 @@ demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 test: lint typecheck tests  ## all checks; side by side with make -j 3 test
 
 tests: $(BIN)/pytest  ## the tests, slow ones included
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/pytest -n 2 --dist worksteal --durations 20
+
+thorough: $(BIN)/pytest  ## the tests with every case of what they otherwise take a share of
+	SAFESTAGE_ALL_CASES=1 $(BIN)/pytest -n 2 --dist worksteal --durations 20
 
 quick: $(BIN)/pytest  ## for every save: one case of each fast test of what a verdict is made of
 	$(BIN)/pytest -n 2 --dist worksteal --quick
@@ -57,19 +63,19 @@ site: $(BIN)/pytest  ## build the documentation site into build/site; links and 
 	$(BIN)/mkdocs build --strict
 
 traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
-	$(BIN)/safestage record --out traces
+	$(BIN)/safestage bench record --out traces
 
 validate: $(BIN)/pytest  ## run both references of every task on three seeds, judge them, write docs/feasibility.md
-	$(BIN)/safestage tasks validate --write docs/feasibility.md
-	$(BIN)/safestage tasks validate --grades --seeds 0
+	$(BIN)/safestage bench tasks validate --write docs/feasibility.md
+	$(BIN)/safestage bench tasks validate --grades --seeds 0
 
 SHARE ?= 1/6
 validate-share: $(BIN)/pytest  ## the same for a share of the tasks: SHARE=2/6 is every sixth from the second on
-	$(BIN)/safestage tasks validate --share $(SHARE)
-	$(BIN)/safestage tasks validate --share $(SHARE) --grades --seeds 0
+	$(BIN)/safestage bench tasks validate --share $(SHARE)
+	$(BIN)/safestage bench tasks validate --share $(SHARE) --grades --seeds 0
 
 gallery: $(BIN)/pytest  ## draw every task, and write docs/gallery.md
-	$(BIN)/safestage tasks gallery
+	$(BIN)/safestage bench tasks gallery
 
 INPUTS ?= 20000
 SEED ?= $(shell date +%s)
@@ -89,12 +95,12 @@ matrix:  ## install the wheel on every Python that is here and in hard places, a
 STUDY ?= study
 blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of it to be read (docs/labels.md)
 	for noise in 0.03 0.06 0.1; do \
-	  $(BIN)/safestage record --seeds 0-2 --policy noisy:$$noise --policy noisy:$$noise:unsafe \
+	  $(BIN)/safestage bench record --seeds 0-2 --policy noisy:$$noise --policy noisy:$$noise:unsafe \
 	    --out $(STUDY)/corpus || true; \
 	done  # what the noisy arm cannot reach is not recorded, and said
 	$(BIN)/safestage score $(STUDY)/corpus -f parquet -o $(STUDY)/rows.parquet
 	$(BIN)/python benchmarks/blind_study.py $(STUDY)/rows.parquet -o $(STUDY)/list.csv
-	$(BIN)/safestage sheets draw $(STUDY)/corpus --list $(STUDY)/list.csv --out $(STUDY)/sheets
+	$(BIN)/safestage label sheets draw $(STUDY)/corpus --list $(STUDY)/list.csv --out $(STUDY)/sheets
 
 LEARN ?= build/learn
 LEARN_ON ?= cpu
@@ -122,7 +128,7 @@ learned-sheets: $(BIN)/pytest  ## draw 200 of these rollouts to be looked at, an
 	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
 	for list in look blind; do \
 	  $(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/$$list.csv --out $(LEARN)/$$list || exit 1; \
-	  $(BIN)/safestage sheets draw $(LEARN)/$$list --list $(LEARN)/$$list.csv --hide-success \
+	  $(BIN)/safestage label sheets draw $(LEARN)/$$list --list $(LEARN)/$$list.csv --hide-success \
 	    --out $(LEARN)/sheets/$$list || exit 1; \
 	done
 

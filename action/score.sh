@@ -33,11 +33,11 @@ mkdir -p "$OUT"
 kept=$(mktemp -d)
 trap 'rm -rf "$kept"' EXIT
 
-# Measured once; the other formats are written from what is kept.
-safestage score "${traces[@]}" "${asked[@]}" "${gated[@]}" --cache "$kept" --format github
+# Judged once; the other formats are written from the finished rows.
+safestage score "${traces[@]}" "${asked[@]}" "${gated[@]}" --resume "$kept" --format github
 code=$?
-safestage score "${traces[@]}" "${asked[@]}" --cache "$kept" --format markdown --output "$OUT/verdicts.md"
-safestage score "${traces[@]}" "${asked[@]}" --cache "$kept" --format parquet --output "$OUT/results.parquet"
+safestage score "${traces[@]}" "${asked[@]}" --resume "$kept" --format markdown --output "$OUT/verdicts.md"
+safestage score "${traces[@]}" "${asked[@]}" --resume "$kept" --format parquet --output "$OUT/results.parquet"
 if [ -f "$OUT/results.parquet" ]; then
   shown=()
   for rule in "${rules[@]}"; do shown+=(--rules "$rule"); done

@@ -6,7 +6,7 @@ OLD and NEW are checkouts of this repository. Each runs in a process of its own;
 the two take turns, and begin in turn, so what else the machine does meets both. An episode is opened
 and judged anew in every run, by the rules of the checkout; files are in the page cache. Times are ms
 of the processor per episode: the mean, over the episodes of a stage, of each one's least run, and of
-its median. Verdicts are compared as well: rule, verdict, time, value and margin.
+its median. ``same_rows.py`` compares verdicts.
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ import os
 import subprocess
 import sys
 import time
-from collections import Counter
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
-Row = list[Any]
-"""Rule, verdict, time (s), value and margin (SI)."""
+from machine import machine
 
 
 class Checkout:
@@ -40,13 +38,13 @@ class Checkout:
         self.episodes: list[tuple[str, str]] = [tuple(one) for one in self._answer()]
         """Path and stage of each, in the order in which they were found."""
 
-    def judge(self, episode: int) -> tuple[float, float, list[Row]]:
-        """Seconds of the processor to open it, and to open and judge it; its verdicts."""
+    def judge(self, episode: int) -> tuple[float, float]:
+        """Seconds of the processor to open it, and to open and judge it."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{episode}\n")
         self._process.stdin.flush()
-        opened, judged, rows = self._answer()
-        return opened, judged, rows
+        opened, judged = self._answer()
+        return opened, judged
 
     def close(self) -> None:
         """End the process."""
@@ -76,10 +74,9 @@ def serve(root: Path, traces: list[Path], *, assigned: bool) -> None:
         start = time.process_time()
         episode = ref.open()
         opened = time.process_time() - start
-        found = judge(episode, rules, assigned_only=assigned)
+        judge(episode, rules, assigned_only=assigned)
         judged = time.process_time() - start
-        rows = [(v.rule, v.verdict, v.time, v.value, v.margin) for v in found.verdicts]
-        print(json.dumps([opened, judged, rows]), flush=True)
+        print(json.dumps([opened, judged]), flush=True)
 
 
 def forget_footers() -> None:
@@ -98,15 +95,15 @@ def measure(options: argparse.Namespace) -> None:
     step = max(1, len(episodes) // options.count) if options.count else 1
     chosen = range(0, len(episodes), step)
     times: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    rows: dict[tuple[int, int], list[Row]] = {}
     for run in range(options.runs):
         for turn, episode in enumerate(chosen):
             for who in (0, 1) if (run + turn) % 2 else (1, 0):
-                opened, judged, rows[who, episode] = both[who].judge(episode)
+                took = both[who].judge(episode)
                 if run or options.runs == 1:  # the first one loads code and compiles
-                    times.setdefault((who, episode), []).append((opened, judged))
+                    times.setdefault((who, episode), []).append(took)
     for checkout in both:
         checkout.close()
+    print(machine())
     print(
         f"{len(chosen)} episodes, {max(1, options.runs - 1)} runs each; ms per episode, least (median)"
     )
@@ -126,7 +123,6 @@ def measure(options: argparse.Namespace) -> None:
             line += f"{listed[0]:>{wide}}{listed[1]:>15}{least[1] / least[0]:>7.2f}"
         print(line)
     print_slowest(times, episodes, chosen)
-    print_differences(rows, chosen)
 
 
 def print_slowest(times: Any, episodes: Any, chosen: range) -> None:
@@ -134,25 +130,6 @@ def print_slowest(times: Any, episodes: Any, chosen: range) -> None:
     least = {key: min(judged for _, judged in found) * 1e3 for key, found in times.items()}
     for e in sorted(chosen, key=lambda e: least[0, e] - least[1, e])[:5]:
         print(f"  {least[0, e]:7.1f} → {least[1, e]:7.1f} ms  {episodes[e][0]}")
-
-
-def print_differences(rows: dict[tuple[int, int], list[Row]], chosen: range) -> None:
-    """How many verdicts are others than before, and which."""
-    count, flips, only_numbers = 0, Counter[str](), 0
-    for e in chosen:
-        old, new = ({row[0]: row for row in rows[who, e]} for who in (0, 1))
-        for rule in sorted(old.keys() & new.keys()):
-            count += 1
-            if old[rule][1] != new[rule][1]:
-                flips[f"{rule}: {old[rule][1]} → {new[rule][1]}"] += 1
-            elif old[rule] != new[rule]:
-                only_numbers += 1
-    print(
-        f"{count} verdicts of rules that both have: {sum(flips.values())} differ, "
-        f"{only_numbers} more in time, value or margin alone"
-    )
-    for flip, many in flips.most_common():
-        print(f"  {many:4} {flip}")
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from machine import machine
 
 from simulate.arm import droid
 from simulate.clients.address import dialect_named
@@ -94,7 +95,7 @@ def main() -> None:
     parser.add_argument("--only", default="idle,openpi,groot,dreamzero,cosmos3")
     given = parser.parse_args()
     taken("idle", given.task, SHORT, 1)  # compiles and loads what is needed only once
-    print(f"{os.cpu_count()} processors; control steps per second")
+    print(f"{machine()}, {os.cpu_count()} processors; control steps per second")
     print("| policy | environments | of wall time | of processor time |\n|---|---|---|---|")
     for jobs in map(int, given.jobs.split(",")):
         for name in given.only.split(","):

@@ -19,15 +19,14 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, replace
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from evidence_edits import EDITS
+from evidence_edits import EDITS, loaded
 
-from safestage_eval.episode import ContactTable, Episode, Track
+from safestage_eval.episode import Episode
 from safestage_eval.episode.invariants import check_header, check_time
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
@@ -81,22 +80,6 @@ def verdicts(episode: Episode) -> dict[str, str]:
     """Code → verdict of the assigned rules."""
     found = judge(episode, _rules(), trace_hash="edited", assigned_only=True)
     return {v.rule: v.verdict for v in found.verdicts}
-
-
-def loaded(episode: Episode) -> Episode:
-    """The same, of which nothing is left in the file."""
-    contacts = episode.contacts
-    tracks = {
-        name: Track(*(getattr(track, f.name) for f in fields(Track)))
-        for name, track in episode.tracks.items()
-    }
-    return replace(
-        episode,
-        tracks=tracks,
-        _contacts=ContactTable(*(getattr(contacts, f.name) for f in fields(ContactTable))),
-        _frames=episode.frames,
-        states={},
-    )
 
 
 def _known(paths: tuple[str, ...], at: int) -> tuple[Episode, dict[str, str]]:

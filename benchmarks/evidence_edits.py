@@ -6,6 +6,7 @@ another material, a task's own limits, tags, one of several bodies that play a r
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
@@ -15,6 +16,22 @@ import numpy as np
 from safestage_eval.episode import ContactTable, Episode, RobotFrames, Track
 
 Edit = Callable[[Episode, np.random.Generator], tuple[str, Episode]]
+
+
+def loaded(episode: Episode) -> Episode:
+    """The same, of which nothing is left in the file."""
+    contacts = episode.contacts
+    tracks = {
+        name: Track(*(getattr(track, f.name) for f in fields(Track)))
+        for name, track in episode.tracks.items()
+    }
+    return replace(
+        episode,
+        tracks=tracks,
+        _contacts=ContactTable(*(getattr(contacts, f.name) for f in fields(ContactTable))),
+        _frames=episode.frames,
+        states={},
+    )
 
 
 def header(episode: Episode, **changes: Any) -> Episode:
@@ -293,12 +310,60 @@ def free_bodies(episode: Episode) -> list[Any]:
     ]  # fmt: skip
 
 
+def gripper_removed(episode: Episode, _: np.random.Generator) -> tuple[str, Episode]:
+    """The gripper's bodies, joints and contacts are gone; the links of the arm stay."""
+    gone = [body.name for body in episode.header.bodies if body.kind == "gripper"]
+    if not gone:
+        raise ValueError("there is none")
+    at = [i for i, joint in enumerate(episode.header.joints) if joint.body in gone]
+    episode = without_joints(episode, set(at)) if at else episode
+    for name in gone:
+        episode = without(episode, name)
+    return ", ".join(gone), episode
+
+
+def pair_removed(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
+    """All contacts of two bodies are gone, of which one is moved."""
+    pairs = pairs_that_move(episode)
+    if not pairs:
+        raise ValueError("no touch set anything in motion")
+    one, other = pairs[int(rng.integers(len(pairs)))]
+    names = [episode.header.bodies[i].name for i in (one, other)]
+    return "-".join(names), without_pair(episode, (one, other))
+
+
+def without_pair(episode: Episode, pair: tuple[int, int]) -> Episode:
+    """The episode without the contacts of two bodies."""
+    contacts = episode.contacts
+    kept = contacts.where((contacts.body1 != pair[0]) | (contacts.body2 != pair[1]))
+    return replace(episode, _contacts=kept)
+
+
+def pairs_that_move(episode: Episode) -> list[tuple[int, int]]:
+    """Pairs of movable bodies that touch, of which an object goes 5 mm or more."""
+    bodies, found = episode.header.bodies, []
+    for pair in episode.contacts.pairs:
+        if not all(bodies[i].movable for i in pair):
+            continue
+        objects = [bodies[i].name for i in pair if bodies[i].kind == "object"]
+        places = (episode.track(name).position for name in objects)
+        if any(np.ptp(place, axis=0).max() >= 0.005 for place in places):
+            found.append(pair)
+    return found
+
+
 def joints_untold(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
     """A joint, or every joint, is not in the header; its columns are gone too."""
     joints = episode.header.joints
     if not joints:
         raise ValueError("there is none")
     lost = set(range(len(joints)) if rng.random() < 0.5 else [int(rng.integers(len(joints)))])
+    return f"{sorted(lost)}", without_joints(episode, lost)
+
+
+def without_joints(episode: Episode, lost: set[int]) -> Episode:
+    """The episode without some joints, given by their numbers."""
+    joints = episode.header.joints
     keep = [i for i in range(len(joints)) if i not in lost]
     columns = {
         name: getattr(episode.frames, name)[:, keep]
@@ -306,7 +371,7 @@ def joints_untold(episode: Episode, rng: np.random.Generator) -> tuple[str, Epis
         if getattr(episode.frames, name).shape[1] == len(joints)
     }
     found = replace(episode, _frames=replace(episode.frames, **columns))
-    return f"{sorted(lost)}", header(found, joints=tuple(joints[i] for i in keep))
+    return header(found, joints=tuple(joints[i] for i in keep))
 
 
 def body_removed(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
@@ -365,6 +430,30 @@ EDITS: dict[str, Edit] = {
     for edit in (
         pose_nan, all_nan, unseen, hole, thinned, late_start, early_end, contact_nan, bad_normals,
         no_forces, robot_nan, role_unbound, role_misspelt, header_unknown, body_unknown,
-        body_removed, velocities_gone, contacts_gone, joints_untold,
+        body_removed, velocities_gone, contacts_gone, joints_untold, gripper_removed, pair_removed,
     )
 }  # fmt: skip
+
+
+def resampled(episode: Episode, rate: float) -> Episode | None:
+    """The frames nearest to an even clock; None of an episode that has no more to begin with."""
+    if episode.dt > 0.99 / rate:
+        return None
+    clock = np.arange(episode.t[0], episode.t[-1] + 1e-6, 1 / rate)
+    keep = np.zeros(len(episode), np.bool_)
+    keep[np.abs(episode.t[:, None] - clock).argmin(axis=0)] = True
+    return header(selected(episode, keep), frame_dt=1 / rate)
+
+
+def forceless(episode: Episode) -> Episode:
+    """No contact was recorded, and the header says so."""
+    return header(replace(episode, _contacts=ContactTable.empty()), force_source="none")
+
+
+def with_holes(episode: Episode) -> Episode:
+    """Poses, forces and joints are NaN in places that the episode's name determines."""
+    rng = np.random.default_rng(zlib.crc32(episode.header.episode_id.encode()))
+    kinds = ("pose_nan", "pose_nan", "contact_nan", "robot_nan", "all_nan")
+    for kind in kinds[: rng.integers(2, 6)]:
+        episode = EDITS[kind](episode, rng)[1]
+    return episode

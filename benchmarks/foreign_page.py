@@ -26,20 +26,10 @@ SETS = {
 
 BINDS = Path(__file__).parents[1] / "rules" / "bind"
 
-SELECTION = """This selection was made after verdicts had been seen, not before: at first every task was judged by all seven.
-
-- FSH101 to FSH103 ask how a thing was put down. They are left out where the simulator's success comes with the thing
-  still between the fingers (it is lifted, or held in a hole or on a peg), for nothing was put down there. `push`,
-  `push-back` and `push-wall` were added to these after their violations of FSH101 had been looked at: the expert pinches
-  the puck; `coffee-push` likewise, and with it `coffee-pull`: in all 14 episodes the mug is between the fingers at
-  success, in `coffee-push` 1.5 to 3 cm above the table.
-- FSH101 and FSH102 are left out where one thing is stacked on another: a cube upon a cube of its size has no 2 cm to
-  the edge.
-- Tasks of buttons, doors, drawers, faucets, handles, levers, locks, windows and dials, and `reach`, move nothing that
-  these rules speak of: only joints of the scene. `plate-slide` was taken out after its violations of FSH101 and FSH102
-  had been seen: the plate's two joints are slides of the model, and it stands on nothing.
-
-So rates of different groups do not compare, and no rate here is evidence for the rules that were left out."""
+SELECTION = """This selection was made after verdicts had been seen. FSH101 to FSH103 ask how a thing was put down; they are left out where the
+simulator's success comes with the thing still between the fingers, or held in a hole or on a peg. FSH101 and FSH102 are left out
+where one thing is stacked on another. Tasks of buttons, doors, drawers, levers, windows and dials, `reach` and `plate-slide` move
+only joints of the scene. So rates of different groups do not compare, and no rate is evidence for the rules left out."""
 
 NOTES = Path(__file__).with_name("foreign_notes.md")
 """Notes on the pictures that were looked at, written by hand."""
@@ -59,7 +49,7 @@ def write_page(folder: Path, page: Path) -> None:
         found.append(rows[rows.assigned & (rows.verdict == "violation")].assign(set=title))
     every, violations = pd.concat(episodes), pd.concat(found)
     parts += [
-        _judged(every), _rates(every), _found(violations), _moved(violations), _undecided(every),
+        _rates(every), _judged(every), _found(violations), _moved(violations), _undecided(every),
         NOTES.read_text().rstrip(),
     ]  # fmt: skip
     page.write_text("\n\n".join(parts) + "\n")
@@ -85,22 +75,18 @@ def _head() -> str:
 
 <!-- Written by benchmarks/foreign_rollouts.py and foreign_page.py; do not edit by hand. -->
 
-Scripted policies in four simulators, recorded by [`safestage-record`](record_anywhere.md) inside their own
-environments, in every physics step, and judged by ETS and FSH with the bind files that come along
-(`--bind metaworld`, `gymnasium_robotics`, `maniskill`, `robosuite`). An episode ends at the simulator's own
-success, after which the robot is commanded to stay for five seconds with the gripper as it was; without success
-after 500 control steps (Meta-World), 300 (robosuite) or 150.
+Scripted policies in four simulators, recorded by [`safestage-record`](record_anywhere.md) in every physics step, and judged by
+ETS and FSH with the bind files that come along (`--bind metaworld`, `gymnasium_robotics`, `maniskill`, `robosuite`). An
+episode ends at the simulator's own success, after which the robot is commanded to stay for five seconds; without success after
+500 control steps (Meta-World), 300 (robosuite) or 150. Seeds count from 0.
+
+The scripts were written to reach goals, and the tasks name no hazards, so the rates say little about these policies. They show
+which rules such recordings decide, and what a success rate leaves out.
 
 ```
 python benchmarks/foreign_rollouts.py record metaworld FOLDER    # in each simulator's environment
 python benchmarks/foreign_rollouts.py page FOLDER docs/foreign_rollouts.md
-```
-
-The seeds are 0, 1, 2 and so on in every task, as many as the tables count episodes.
-
-A policy that passes here is not safe, and one that does not is no worse than others: these scripts were
-written to reach goals, and the tasks name no hazards. What the table shows is which rules such recordings
-decide, and what a success rate leaves out."""
+```"""
 
 
 def _episodes(traces: list[Path], rows: pd.DataFrame, problems: dict[str, str]) -> pd.DataFrame:
@@ -140,9 +126,8 @@ def _judged(every: pd.DataFrame) -> str:
     lines = [
         "## Which rules are judged",
         "",
-        "Of ets and fsh only ETS106 and FSH101 to FSH106 can apply: the other rules speak of an obstacle, of something "
-        "protected, fragile or liquid, or of a forbidden region, and these tasks name none. Which of the seven are "
-        "judged in a task stands in its bind file:",
+        "Of ETS and FSH only ETS106 and FSH101 to FSH106 can apply: the other rules speak of obstacles, of things that "
+        "are protected, fragile or liquid, or of regions, and these tasks name none. The bind files choose among the seven:",
         "",
         "| simulator | rules | tasks |",
         "|---|---|---|",
@@ -163,16 +148,17 @@ def _rates(every: pd.DataFrame) -> str:
     lines = [
         "## Rates",
         "",
-        "SR: the simulator's own success, of all episodes. USR: of the successful episodes that were judged and "
-        "decided, those with a violation; then the same without FSH104, which depends on what the robot does after "
-        "success (see below). Inconclusive and unjudged ones are in neither.",
+        "SR: the simulator's own success, of all episodes. USR: violations among the successful episodes that were "
+        "decided; then the same without FSH104, which depends on what the robot does after success (below). Tasks of "
+        "which no episode was judged have no row of their own.",
         "",
         "| simulator, task | policy | episodes | SR % | judged | USR % | without FSH104 | inconclusive | not judged |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for title, one in every.groupby("set", sort=False):
         lines.append(_line(f"**{title}**", one))
-        lines += [_line(str(task), some) for task, some in one.groupby("task")]
+        judged = one.groupby("task").filter(lambda some: (some.outcome != "not judged").any())
+        lines += [_line(str(task), some) for task, some in judged.groupby("task")]
     lines.append(_line("**all**", every))
     return "\n".join(lines)
 
@@ -214,11 +200,10 @@ def _moved(rows: pd.DataFrame) -> str:
     lines = [
         "## What FSH104 rests on",
         "",
-        "These episodes end at success, often with the thing in the gripper, and what follows is the recording's choice: "
-        "the robot is commanded to stay (a step of zero). A controller that lags behind its command, or gives way "
-        "under a load, moves on nevertheless and takes the thing along; a policy that went on would have given other "
-        "verdicts. So FSH104 says here how the environment stops rather than how the policy places. "
-        "Counted by the way of the thing since success beside that of the part of the gripper that was next to it then:",
+        "These episodes end at success, often with the thing in the gripper, and then the robot is commanded to stay (a "
+        "step of zero). A controller that lags behind its command, or gives way under a load, moves on and takes the "
+        "thing along. So FSH104 says here how the environment stops rather than how the policy places. Way of the thing "
+        "since success beside that of the nearest part of the gripper:",
         "",
         "| simulator, task | FSH104 violated | moved with the gripper (within 2 cm of it) | left the gripper | median way of the gripper |",
         "|---|---|---|---|---|",

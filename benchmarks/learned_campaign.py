@@ -30,13 +30,12 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval._process.precompile import compile_kernels
 from safestage_eval.formats import discover
 from safestage_eval.report.results_parquet import pieces
 from safestage_eval.rules import RuleSet, builtin_names, load_rules
 from safestage_eval.run.scores import Scores, titles
 from safestage_eval.verdicts import judge
-from safestage_eval.verdicts.verdict_json import result_from_json, to_json
+from safestage_eval.verdicts.verdict import result_from_json, to_json
 from simulate.learn.checkpoint import FOLDER
 from simulate.learn.export_dataset import export_dataset
 from simulate.learn.picture_files import draw_scene, scenes_of
@@ -137,9 +136,8 @@ def _record(
 
 
 def _all(todo: Sequence[Job], work: Callable[[Job], Any], jobs: int) -> Iterator[Any]:
-    """Results of the work on every job. The first is done here: what is compiled for it, all processes have."""
+    """Results of the work on every job. The first is done here: what it loads, all processes have."""
     if todo:
-        compile_kernels()
         yield work(todo[0])
         yield from run_many(work, todo[1:], jobs)
 

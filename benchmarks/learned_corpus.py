@@ -40,7 +40,7 @@ from safestage_eval.rules import builtin_names
 from safestage_eval.run.score_traces import score_traces
 from safestage_eval.run.settings import load_settings
 from safestage_eval.verdicts import EpisodeResult
-from safestage_eval.verdicts.verdict_json import result_from_json
+from safestage_eval.verdicts.verdict import result_from_json
 from simulate.cameras.droid_cameras import camera_facts
 from simulate.learn.picture_recipe import CAMERAS, SIZE
 from simulate.policies.policy_names import policy_named

@@ -1,4 +1,4 @@
-"""Writes docs/learned_policies.md: what the shipped learned policies do on held-out seeds.
+"""Writes docs/learned_policies.md: what learned policies do on held-out seeds.
 
 python benchmarks/learned_page.py ROWS.parquet docs/learned_policies.md
 """
@@ -16,11 +16,6 @@ import pandas as pd
 CHECKPOINTS = Path(__file__).parents[1] / "simulate" / "learn" / "checkpoints"
 NOTES = Path(__file__).with_name("learned_notes.md")
 """Written by hand: what was tried, and what the rates do not show."""
-STAGES = ("ISH", "ETS", "FSH")
-OVER_TASKS = (
-    "The same rates; here the intervals are of a bootstrap that draws tasks anew, so that rollouts of one task count as "
-    "alike. They say how much the rates hang on the choice of tasks."
-)
 
 
 def printed_by(*arguments: str) -> str:
@@ -40,17 +35,6 @@ def section(text: str, title: str) -> str:
     begin = text.index(f"## {title}")
     end = text.find("\n## ", begin + 1)
     return "#" + text[begin : end if end > 0 else None].strip()
-
-
-def compared(rows: Path, by: str, where: str, first: str, second: str, of: tuple[str, ...]) -> str:
-    """The table of ``safestage compare``, of all tasks or of stages."""
-    text = printed_by(
-        "compare", str(rows), "--by", by, "--where", where, "--between", first, second
-    )
-    lines = text[text.index("| of | metric") :].partition("\n\n")[0].splitlines()
-    return "\n".join(
-        lines[:2] + [line for line in lines[2:] if line.split(" | ")[0].lstrip("| ") in of]
-    )
 
 
 def rollout_table(rows: pd.DataFrame) -> str:
@@ -73,7 +57,7 @@ def rollout_table(rows: pd.DataFrame) -> str:
 
 
 def training() -> str:
-    """A row per shipped checkpoint: what it was trained on, and how its curve ends."""
+    """A row per trained checkpoint in the package's folder: what it was trained on, and how its curve ends."""
     lines = [
         "| policy | trained on | steps × batch | processor | last loss | off on episodes held back | gripper right there | file |",
         "|---|---|---|---|---|---|---|---|",
@@ -99,29 +83,15 @@ def page(rows: Path) -> str:
     """The page."""
     table = pd.read_parquet(rows)
     tables = printed_by("aggregate", str(rows), "--intervals", "wilson")
-    over_tasks = printed_by("aggregate", str(rows), "--intervals", "bootstrap")
     parts = [
         "# Learned policies on held-out seeds",
         "<!-- Written by benchmarks/learned_page.py; do not edit by hand. -->",
         NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[0].strip(),
-        "## Size", rollout_table(table),
         "## Rates", tables.partition("\n")[0],
         section(tables, "By policy"),
-        "### By policy, intervals over tasks", OVER_TASKS,
-        section(over_tasks, "By policy").partition("\n")[2].strip(),
         *(section(tables, title) for title in ("By stage", "What became", "How far")),
     ]  # fmt: skip
-    prompts = table.groupby("policy")["prompt"].nunique()
-    for policy in prompts[prompts > 1].index:
-        where = f"policy={policy}"
-        parts += [f"## `{policy}`, default and specific prompt on the same rollouts",
-                  compared(rows, "prompt", where, "default", "specific", ("All",))]  # fmt: skip
-    for again in sorted(policy for policy in prompts.index if policy.endswith("_again")):
-        once = again.removesuffix("_again")
-        for prompt in sorted(table["prompt"].unique()):
-            parts += [f"## `{once}` trained twice, {prompt} prompt, on the same scenes",
-                      compared(rows, "policy", f"prompt={prompt}", once, again, ("All", *STAGES))]  # fmt: skip
-    parts += ["## Training", training()]
+    parts += ["## Size", rollout_table(table), "## Training", training()]
     parts.append(
         NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[2].strip()
     )

@@ -274,14 +274,8 @@ def answers(episode: Episode, pairs: Sequence[tuple[str, str]]) -> Answer:
     relations = Relations(Signals(episode))
     found = {}
     for pair in pairs:
-        said = relations.get("depends_on", pair)
-        if said is None:
-            found[pair] = np.full(len(episode), -1, np.int8)
-            continue
-        doubt = relations.doubtful("depends_on", pair)
-        found[pair] = said.astype(np.int8)
-        if doubt is not None:
-            found[pair][doubt[0]] = -1
+        told = relations.told("depends_on", pair)
+        found[pair] = np.where(told.lower < told.upper, -1, told.lower).astype(np.int8)
     return found
 
 

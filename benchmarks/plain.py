@@ -6,13 +6,13 @@ python-fcl is right, for the verdict.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import fcl
 import numpy as np
 
-from safestage_eval.episode import Episode, Geom
+from safestage_eval.episode import Episode, Geom, Mesh
 from safestage_eval.geometry.pose import matrix
 
 Shapes = list[tuple[Any, np.ndarray, np.ndarray]]
@@ -45,13 +45,14 @@ def distances(
 def _shapes(episode: Episode, name: str) -> Shapes:
     """(shape, rotation, position in the body frame) of a body's geoms."""
     return [
-        (_shape(geom, episode), matrix(geom.orientation), np.array(geom.position))
+        (solid(geom, episode.meshes), matrix(geom.orientation), np.array(geom.position))
         for geom in episode.bodies[name].geoms
         if geom.kind != "plane"
     ]
 
 
-def _shape(geom: Geom, episode: Episode) -> Any:
+def solid(geom: Geom, meshes: Mapping[str, Mesh]) -> Any:
+    """A geom of any kind but a plane, about its own centre."""
     size = geom.size
     if geom.kind == "sphere":
         return fcl.Sphere(size[0])
@@ -63,7 +64,7 @@ def _shape(geom: Geom, episode: Episode) -> Any:
         return fcl.Capsule(size[0], 2 * size[1])
     if geom.kind == "ellipsoid":
         return fcl.Ellipsoid(*size)
-    points = episode.meshes[geom.mesh or ""].vertices.astype(float)
+    points = meshes[geom.mesh or ""].vertices.astype(float)
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(points)

@@ -1,7 +1,7 @@
 """Compares recordings with what the simulator itself says, in the simulator's own environment.
 
     python benchmarks/record_peers.py ENVIRONMENT [STEPS] > peers/NAME.json   # there, recorder/ on PYTHONPATH
-    python benchmarks/record_peers.py --write docs/record_anywhere.md peers/*.json   # anywhere
+    python benchmarks/record_peers.py --write docs/recorder_accuracy.md peers/*.json   # anywhere
 
 A witness looks after every physics step, by the simulator's own functions one body and one contact at a
 time; the recording is read as a ZIP of arrays. Poses, the pairs that touch at every frame, the sum of each pair's

@@ -3,7 +3,7 @@
     python benchmarks/scaling.py TRACES                       # 1, 2, 4, 8, 16 workers, as many as there are cores
     python benchmarks/scaling.py TRACES --workers 1,16 --runs 3 --assigned
 
-Each row runs ``safestage-score TRACES --rules rules/ --jobs N`` anew, kernels compiled and files in the
+Each row runs ``safestage-score TRACES --rules rules/ --jobs N`` anew, files in the
 page cache; rows take turns, and what is printed are medians. Processor time is that of the process that
 was started, of the one that workers are forked from, and of all workers, looked at 50 times a second; the
 first and half of the second are what more workers cannot share. Memory is the most that one worker held.

@@ -33,7 +33,6 @@ from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats.episode_ref import EpisodeRef
 from safestage_eval.formats.parquet import table_file
 from safestage_eval.rules import load_rules
-from safestage_eval.run.score_episode import score_episode
 from safestage_eval.verdicts import EpisodeResult, judge
 
 LIMIT = 0.08
@@ -63,30 +62,8 @@ def timed(function: Callable[[], Any], runs: int) -> tuple[Times, Any]:
 
 def read_and_score(ref: EpisodeRef, rules: Any, assigned_only: bool = True) -> EpisodeResult:
     """One episode from its file to its verdicts; no footer is kept from the time before."""
-    table_file.FOOTERS.clear()
+    table_file.forget()
     return judge(ref.open(), rules, trace_hash=ref.content_hash, assigned_only=assigned_only)
-
-
-CHANGED = {"ISH": "commit_lift", "ETS": "min_clearance", "FSH": "edge"}
-"""A parameter of each stage; rules that do not read it keep their verdicts."""
-
-
-def again(
-    ref: EpisodeRef, other: EpisodeRef, rules: Any, stage: str, folder: Path, runs: int
-) -> tuple[Times, Times]:
-    """Scored again from a cache, as it was, and under another value of one parameter.
-
-    The digests of rules, which all episodes of a run share, are made with another episode before.
-    """
-    same = timed(lambda: score_episode(ref, rules, assigned_only=True, cache=folder), runs)[0]
-    name, times = CHANGED[stage], []
-    for run in range(runs):
-        values = {name: f"{3 + run / 1000} cm"}
-        score_episode(other, rules, values, assigned_only=True, cache=folder)
-        start = time.process_time()
-        score_episode(ref, rules, values, assigned_only=True, cache=folder)
-        times.append(time.process_time() - start)
-    return same, Times(min(times), median(times))
 
 
 def headline(folder: Path, runs: int, every: int) -> None:
@@ -97,10 +74,9 @@ def headline(folder: Path, runs: int, every: int) -> None:
         f"{len(episode.contacts) / len(episode):.0f} contacts per frame"
     )
     print(
-        "\nms of one core, least (median): read + score by the assigned rules, and by all of the stage; "
-        "from a cache"
+        "\nms of one core, least (median): read + score by the assigned rules, and by all of the stage"
     )
-    print("     " + "".join(f"{x:>15}" for x in ("Parquet", "all", "MCAP", "again", "changed")))
+    print("     " + "".join(f"{x:>15}" for x in ("Parquet", "all", "MCAP")))
     for stage in made.ASSIGNED:
         rules = load_rules([stage.lower()])
         times: list[Times] = []
@@ -111,8 +87,6 @@ def headline(folder: Path, runs: int, every: int) -> None:
                 lambda ref=ref, a=assigned, rules=rules: read_and_score(ref, rules, a), runs
             )
             times.append(found)
-        time.sleep(2.5)  # a file that changed a moment ago is not trusted
-        times += again(parquet, mcap, rules, stage, folder / "cache", runs)
         text = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
         print(f"{stage:5}" + "".join(f"{x!s:>15}" for x in times) + f"   {text}", flush=True)
     print("\nagainst the plain python-fcl loop: robot and target to each protected object")

@@ -5,7 +5,7 @@
     python benchmarks/start.py --recorded --against OLD      # what a short run loads and calls, in two checkouts
 
 Each row starts ``safestage-score`` anew on one recorded episode of the size that score.py measures, its
-kernels compiled and its files in the page cache. Times are wall clock, the least of ``--runs`` and in
+files in the page cache. Times are wall clock, the least of ``--runs`` and in
 brackets their median; rows take turns, so that a machine whose speed changes is unfair to none.
 
 With ``--recorded``: what ``safestage-score traces/ --rules rules/ --jobs 1`` imports and calls, counted by
@@ -64,8 +64,8 @@ def commands(folder: Path) -> dict[str, list[str]]:
     """Commands to start, by the name of their row."""
     found = {
         "python -c pass": [sys.executable, "-c", "pass"],
-        "import numba, pyarrow.parquet, pydantic": [
-            *(sys.executable, "-c", "import numba, pyarrow.parquet, pydantic")
+        "import scipy.optimize, pyarrow.parquet, pydantic": [
+            *(sys.executable, "-c", "import scipy.optimize, pyarrow.parquet, pydantic")
         ],
         "safestage-score --help": [SCORE, "--help"],
     }

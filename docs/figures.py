@@ -95,10 +95,8 @@ def plot_series(
     call = string_parser.call(entry["signal"])
     facts = Relations(Signals(episode))
     if call.name in RELATIONS:
-        truth = facts.get(call.name, call.args)
-        values, unit = np.full(len(episode), np.nan), "true or false"
-        if truth is not None:
-            values = truth.astype(float)
+        told, unit = facts.told(call.name, call.args), "true or false"
+        values = np.where(told.lower < told.upper, np.nan, told.lower)
         axes.set_yticks([0, 1], ["false", "true"])
     else:
         given = {

@@ -23,7 +23,7 @@ FILM = ("unsafe_success.webp", "coffee_can_under_bottle.reference-unsafe")
 
 
 def write_film() -> None:
-    """Film the unsafe success as ``safestage render --speed 2`` does, as WebP."""
+    """Film the unsafe success as ``safestage plot film --speed 2`` does, as WebP."""
     name, part = FILM
     (ref,) = (ref for ref in discover([ROOT / "traces"]) if part in ref.episode_id)
     episode = ref.open()

@@ -97,7 +97,10 @@ def parse_limits(text: str) -> Limits:
                 f"--limits {part}", "is no limit.",
                 f"none, or NAME=NUMBER with {', '.join(names)}",
             )  # fmt: skip
-        found[name.strip()] = _NONE if value.strip() == "none" else size(value)
+        try:
+            found[name.strip()] = _NONE if value.strip() == "none" else size(value)
+        except InputError as error:
+            raise InputError(f"--limits {part}", error.what, error.allowed) from None
     return replace(Limits(), **found)
 
 

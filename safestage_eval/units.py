@@ -85,6 +85,28 @@ _PREFERRED = {
 }
 
 
+LONGEST = 1e9
+"""Seconds of the longest time, and the greatest number of frames or of things that are counted."""
+
+
+def finite(number: str | float) -> float:
+    """A number, or its digits, as a float. Every reader of numbers that people write asks here.
+
+    Raises ValueError for what is none, NaN, infinity, and numbers that are too large for a float.
+    """
+    try:
+        value = float(number)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise ValueError("a number that is not finite, or has too many digits")
+    return value
+
+
+FINITE = "finite numbers, below 1e308"
+"""What ``finite`` allows, in words."""
+
+
 def powers_of(dimension: str) -> dict[str, int]:
     """The power of each SI unit in a dimension: a speed is m¹ s⁻¹. Forces count as a unit."""
     return _POWERS[dimension]

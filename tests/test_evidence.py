@@ -1,15 +1,16 @@
-"""Less evidence never makes an episode safe: a sample of benchmarks/evidence.py, new each day."""
+"""Less evidence never makes an episode safe: a sample of benchmarks/evidence.py."""
 
 import sys
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sampled import ALL, share
 from scenes import G, Scene
 
 from safestage_eval.errors import TraceError
+from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
 
@@ -17,8 +18,11 @@ HERE = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(HERE / "benchmarks"))
 
 import evidence  # noqa: E402
+from evidence_edits import EDITS, pairs_that_move, without_pair  # noqa: E402
 
-SEED = datetime.now(UTC).toordinal()
+SEED = 1
+TRIED = 400 if ALL else 16
+"""Eight in a row are of one episode."""
 MEASURED = [
     "pose_nan", "all_nan", "unseen", "contact_nan", "bad_normals", "no_forces", "robot_nan",
     "header_unknown", "body_unknown", "body_removed", "early_end", "velocities_gone",
@@ -34,13 +38,13 @@ def told(found):
 
 
 def test_what_was_not_measured_satisfies_nothing():
-    found = evidence.campaign([str(HERE / "traces")], SEED, 240, kinds=MEASURED)
-    assert sum(bool(o.became) for o in found) > 150
+    found = evidence.campaign([str(HERE / "traces")], SEED, TRIED, kinds=MEASURED)
+    assert sum(bool(o.became) for o in found) > TRIED / 2
     assert not told(found)
 
 
 def test_a_shorter_clock_and_missing_roles_satisfy_nothing():
-    assert not told(evidence.campaign([str(HERE / "traces")], SEED, 80, kinds=SHORTER))
+    assert not told(evidence.campaign([str(HERE / "traces")], SEED, TRIED // 2, kinds=SHORTER))
 
 
 def test_the_law_is_broken_by_what_breaks_it():
@@ -49,6 +53,64 @@ def test_the_law_is_broken_by_what_breaks_it():
     assert evidence.forbidden("pass", "violation")
     assert not evidence.forbidden("violation", "inconclusive")
     assert not evidence.forbidden("pass", "not_applicable")
+
+
+def recordings(*folders):
+    return [evidence.loaded(r.open()) for r in discover([str(HERE / folder) for folder in folders])]
+
+
+def verdicts_or_none(episode):
+    try:
+        return evidence.verdicts(episode)
+    except TraceError:  # what rests in the air is refused
+        return {}
+
+
+@pytest.mark.slow
+def test_without_its_gripper_or_the_contacts_of_a_pair_nothing_gets_safer():
+    breaches, judged = [], 0
+    for episode in share(recordings("traces"), 12):
+        before = evidence.verdicts(episode)
+        less = dict([EDITS["gripper_removed"](episode, np.random.default_rng(0))])
+        pairs = share(pairs_that_move(episode), 4)
+        less |= {pair: without_pair(episode, pair) for pair in pairs}
+        for what, edited in less.items():
+            after = verdicts_or_none(edited)
+            judged += bool(after)
+            breaches += [
+                (episode.header.episode_id, what, rule, was, after[rule])
+                for rule, was in before.items()
+                if after and evidence.forbidden(was, after[rule])
+            ]
+    assert judged > 1
+    assert not breaches
+
+
+@pytest.mark.parametrize(
+    ("task", "pair", "rule", "moved"),
+    [
+        ("ets_tea_box_before_cup", None, "ETS106", "tea_box"),
+        ("fsh_cup_swept_off_shelf", None, "FSH105", "espresso_cup"),
+        ("ets_tea_box_before_cup", ("tea_box", "espresso_cup"), "ETS106", "espresso_cup"),
+        ("ets_apple_past_cans", ("apple", "can_high"), "ETS101", "can_low"),
+        ("ets_apple_past_cans", ("apple", "can_high"), "ETS102", "can_high"),
+    ],
+)
+def test_what_was_moved_by_nothing_recorded_is_named(task, pair, rule, moved):
+    (episode,) = (
+        e
+        for e in recordings("traces", "traces_learned")
+        if e.header.task == task and "reference-safe" not in e.header.episode_id
+    )
+    if pair is None:
+        _, edited = EDITS["gripper_removed"](episode, np.random.default_rng(0))
+    else:
+        edited = without_pair(episode, tuple(sorted(episode.body_index[b] for b in pair)))
+    found = judge(edited, load_rules(["ets", "fsh"]), assigned_only=True)
+    (verdict,) = (v for v in found.verdicts if v.rule == rule)
+    assert verdict.verdict == "inconclusive"
+    assert f"{moved} lay still and moved from" in verdict.explanation
+    assert "Record all contacts, and all bodies of the robot." in verdict.explanation
 
 
 @pytest.mark.parametrize("shown", [True, False])
@@ -73,13 +135,13 @@ def test_how_the_robot_reached_what_fell_cannot_be_cut_out(shown):
         scene.contact("stick", "vase", (0, 0.05, 0.08), (0, -1, 0), (0, -1, 0), slice(115, 130))
     roles = {"target": ("apple",), "protected": ("vase",)}
     episode = replace(scene.episode(roles=roles, rules=("ETS103",)), path=Path("knocked.mcap"))
-    rules = load_rules(["ets"])
+    result = judge(episode, load_rules(["ets"]), assigned_only=True)
+    (found,) = result.verdicts
     if shown:
-        (found,) = judge(episode, rules, assigned_only=True).verdicts
         assert found.verdict == "violation"
     else:
-        with pytest.raises(TraceError, match=r"'stick' rests .* contacts bear it with 0 N"):
-            judge(episode, rules, assigned_only=True)
+        assert found.verdict == "inconclusive"
+        assert any("'stick' rests" in note and "bear it with 0 N" in note for note in result.notes)
 
 
 def test_an_edit_is_the_same_again():

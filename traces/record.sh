@@ -5,7 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 rm -rf traces/{meta,bodies,contacts,frames,geometry,assets} traces/*.mcap
-safestage record ets_dumbbell_near_glasses --policy reference:unsafe --seeds 0 --format mcap --out traces
-safestage record fsh_orange_on_plate --policy reference:safe --seeds 0 --format mcap --out traces
-safestage record --seeds 0 --out traces     # skips the two that are there
+safestage bench record ets_dumbbell_near_glasses --policy reference:unsafe --seeds 0 --format mcap --out traces
+safestage bench record fsh_orange_on_plate --policy reference:safe --seeds 0 --format mcap --out traces
+safestage bench record --seeds 0 --out traces     # skips the two that are there
 safestage score traces --rules rules --golden traces/golden.json --update-golden

@@ -76,7 +76,7 @@ def _compare(
     judge: Judge, rule: str, theirs: float, tally: Tally, function: str, ends: float = 0.0
 ) -> None:
     """To a thousandth, and the 1 mm of a way; ``ends``: what is theirs at both ends of the recording."""
-    total = judge.cost(judge._rules.costs[rule])[0]
+    total = judge.cost(judge.rules.costs[rule])[0]
     known = total.value is not None and total.most is not None
     ours = float(total.value or 0.0) if known else np.nan
     theirs = float(theirs)

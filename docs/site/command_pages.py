@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import click
 
-from safestage_eval.cli import group
+from safestage_eval.cli import HELP, group
 
 HEAD = """\
 # Every command and option
@@ -32,7 +32,7 @@ def commands_page() -> str:
     parents = click.Context(group, info_name="safestage")
     commands = [
         found
-        for name in group.list_commands(parents)
+        for name in HELP
         for found in _tree(
             _command(name, parents), click.Context(_command(name, parents), parents, name), 2
         )

@@ -13,6 +13,7 @@ from mkdocs.structure.pages import Page
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from benchmark_page import benchmark_page
 from command_pages import commands_page
 from message_page import messages_page
 from notebook_pages import notebook_page
@@ -23,6 +24,7 @@ from site_style import style_sheet
 DOCS = Path(__file__).resolve().parents[1]
 
 WRITTEN: dict[str, Callable[[], str]] = {
+    "reference/benchmark_rules.md": benchmark_page,
     "reference/commands.md": commands_page,
     "reference/messages.md": lambda: messages_page(DOCS),
     "reference/python.md": python_page,

@@ -79,11 +79,6 @@ def test_after_success_the_robot_is_held_still(tmp_path):
     assert env.actions[-1] == env.actions[5]
 
 
-def test_holding_needs_an_action(tmp_path):
-    with pytest.raises(safestage_record.RecordError, match="hold_action"):
-        safestage_record.wrap(Env(), tmp_path, hold=5.0)
-
-
 def test_traces_of_an_earlier_run_are_kept(tmp_path):
     for _ in range(2):
         env = safestage_record.wrap(Env(), tmp_path, task="pick")
@@ -99,17 +94,3 @@ def test_an_episode_without_a_step_is_no_trace(tmp_path):
     env.reset()
     env.close()
     assert env.safestage.paths == []
-
-
-def test_the_simulation_is_found_further_inside(tmp_path):
-    class Holder:
-        """Holds MuJoCo's objects like the classes of robosuite and dm_control."""
-
-    inner, outer, data, model = Env(), Holder(), Holder(), Holder()
-    outer.sim = Holder()
-    data._data, data._model, model._model = inner.data, inner.model, inner.model
-    outer.sim.model, outer.sim.data = model, data
-    found = safestage_record.find_backend.find_simulation(outer)
-    assert found == (inner.model, inner.data)
-    with pytest.raises(safestage_record.RecordError, match="no MuJoCo model"):
-        safestage_record.find_backend.find_simulation(Holder())

@@ -51,11 +51,3 @@ def test_links_are_where_their_joints_put_them_and_move_as_their_places_do():
     fixed = turn(orientation, np.array([0.3, -0.2, 0.9]))
     change = np.gradient(fixed, t, axis=0, edge_order=2)
     assert cross(motion.angular, fixed) == pytest.approx(change, abs=1e-5)
-
-
-def test_links_without_a_hinge_stay_where_the_simulator_put_them():
-    position, orientation, joints, speeds = chain(np.linspace(0, 1, 5))
-    motion = Motion(position.copy(), orientation.copy(), position * 2, position * 3)
-    LinkTree({}, position[0], orientation[0], joints[0]).place(motion, joints, speeds)
-    assert np.array_equal(motion.position, position)
-    assert np.array_equal(motion.angular, position * 3)

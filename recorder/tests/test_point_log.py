@@ -36,15 +36,6 @@ def test_a_pairs_peak_is_the_largest_sum_of_a_step_since_the_frame_before():
     assert len(log.finish()[0]) == 0
 
 
-def test_steps_after_the_last_frame_count_for_the_next_one():
-    log = PointLog()
-    log.end_frame(rows((0, 1, 1.0)))
-    log.take(rows((0, 1, 9.0)))
-    assert log.finish()[0]["peak_force"].tolist() == [1.0]
-    log.end_frame(rows((0, 1, 2.0)))
-    assert log.finish()[0]["peak_force"].tolist() == [9.0]
-
-
 def test_contacts_of_what_the_trace_lacks_are_counted_and_left_out():
     log = PointLog()
     unknown = [(None, 3.0, None)]

@@ -125,18 +125,6 @@ def test_a_journal_that_is_cut_off_gives_its_whole_records(tmp_path, monkeypatch
     assert not cut.exists()
 
 
-def test_an_unfinished_recording_is_not_written_over(tmp_path):
-    (tmp_path / "t.zip.unfinished").write_bytes(b"")
-    model, data = scene()
-    recorder = safestage_record.mujoco(model, data, tmp_path / "t.zip")
-    unfinished = pytest.raises(
-        safestage_record.RecordError, match="python -m safestage_record recover"
-    )
-    with unfinished, recorder:  # which lets go of mj_step
-        mujoco.mj_step(model, data)
-        recorder.step()
-
-
 def test_the_command_says_what_is_wrong(tmp_path, capsys):
     (tmp_path / "notes.txt").write_text("no journal")
     assert main(["recover", str(tmp_path / "notes.txt")]) == 1

@@ -64,13 +64,6 @@ def test_numbers_contacts_and_forces_are_those_of_mujoco_in_every_step(monkeypat
     assert len(counts) > 2
 
 
-def test_the_scratch_data_are_left_as_they_were():
-    _, data, scratch = scene()
-    scratch.time = 2.5
-    StepMemory(data, scratch)
-    assert (scratch.time, scratch.ncon, scratch.nefc) == (2.5, 0, 0)
-
-
 def test_a_number_that_is_elsewhere_is_an_error():
     model, data, scratch = scene()
     memory = StepMemory(data, scratch)

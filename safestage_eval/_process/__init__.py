@@ -1,1 +1,1 @@
-"""Process resources: memory limits, spawned children, compiled kernels."""
+"""Process resources: memory limits, spawned children."""

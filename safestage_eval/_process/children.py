@@ -19,7 +19,7 @@ STARTING = 180.0
 """s that a process may take to begin."""
 
 LOADING, AGAIN = 30.0, 10.0
-"""s more for the first question of the first process, and of each later one: libraries and kernels are
+"""s more for the first question of the first process, and of each later one: libraries are
 loaded then."""
 
 PATIENCE = 2.0

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from socketserver import TCPServer
+from time import monotonic
 from typing import Any
 from urllib.parse import SplitResult, urlsplit
 
@@ -28,6 +32,8 @@ SAFETY = {
 }
 FILMS = {".mp4": "video/mp4", ".webm": "video/webm"}
 _LENGTH = re.compile("[0-9]{1,18}")
+ANSWERED = float("inf")
+"""Since when we wait for a caller who waits for us."""
 
 
 class Refused(Exception):  # noqa: N818
@@ -42,10 +48,12 @@ class GuardedServer(ThreadingHTTPServer):
     """Serves on the loopback interface, a thread for each connection and no more than the guard allows."""
 
     daemon_threads = True
+    request_queue_size = 128
 
     def __init__(self, handler: type[GuardedHandler], guard: Guard, port: int = 0) -> None:
         """Bind to a port; 0 is any that is free. Raises InputError if it is taken."""
         self.guard = guard
+        self._callers: dict[socket.socket, float] = {}
         try:
             super().__init__((LOOPBACK, port), handler)
         except OSError as error:
@@ -63,13 +71,36 @@ class GuardedServer(ThreadingHTTPServer):
         """The page's address."""
         return f"http://{LOOPBACK}:{self.server_port}/"
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer one connection, or hang up where there are too many."""
-        with self.guard.place() as free:
-            if free:
-                super().process_request_thread(request, client_address)
-            else:
-                self.shutdown_request(request)
+    def verify_request(self, request: Any, client_address: Any) -> bool:  # noqa: ARG002
+        """Whether a caller gets a place. Where all are taken, the one waited for longest loses its own."""
+        callers = self._callers.copy()
+        if len(callers) >= self.guard.callers:
+            slowest = min(callers, key=callers.__getitem__)
+            if callers[slowest] == ANSWERED:
+                return False
+            self._callers.pop(slowest, None)
+            with suppress(OSError):  # it has just hung up itself
+                slowest.shutdown(socket.SHUT_RDWR)
+        self._callers[request] = monotonic()
+        return True
+
+    def shutdown_request(self, request: Any) -> None:
+        """Hang up."""
+        self._callers.pop(request, None)
+        super().shutdown_request(request)
+
+    @contextmanager
+    def waiting_for(self, caller: socket.socket, since: float) -> Iterator[None]:
+        """It is the caller who has to send or take something, since then (s, monotonic)."""
+        self._say(caller, since)
+        try:
+            yield
+        finally:
+            self._say(caller, ANSWERED)
+
+    def _say(self, caller: socket.socket, since: float) -> None:
+        if caller in self._callers:
+            self._callers[caller] = since
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ARG002
         """Ignore browsers that hang up; whatever else went wrong ends this connection alone."""
@@ -78,13 +109,58 @@ class GuardedServer(ThreadingHTTPServer):
             print(f"a request failed: {type(error).__name__}", file=sys.stderr)  # noqa: T201
 
 
+class _Incoming(io.RawIOBase):
+    """What a caller sends. Raises TimeoutError when the time for a request is over."""
+
+    def __init__(self, server: GuardedServer, connection: socket.socket, seconds: float) -> None:
+        self._server, self._connection, self._seconds = server, connection, seconds
+
+    def begin_request(self) -> None:
+        """From now on the time for the next request runs."""
+        self._since = monotonic()
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        left = self._since + self._seconds - monotonic()
+        if left <= 0:
+            raise TimeoutError
+        usual = self._connection.gettimeout()
+        self._connection.settimeout(left)
+        try:
+            with self._server.waiting_for(self._connection, self._since):
+                return self._connection.recv_into(buffer)
+        finally:
+            self._connection.settimeout(usual)
+
+
 class GuardedHandler(BaseHTTPRequestHandler):
-    """Every request is answered: with what ``get`` and ``post`` send, or with a status and a reason."""
+    """Every request is answered: with what ``get`` and ``post`` send, or with a status and a reason.
+
+    Attributes:
+        patience: seconds for the head and the body of a request, counted from when the connection is made
+            or the answer before was sent.
+        timeout: seconds that a caller may take for an answer.
+    """
 
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "SafeStage", ""
+    patience = 10.0
     timeout = 60
     server: GuardedServer
+
+    def setup(self) -> None:
+        """Read with a deadline."""
+        super().setup()
+        self.rfile.close()
+        self._incoming = _Incoming(self.server, self.connection, self.patience)
+        self.rfile = io.BufferedReader(self._incoming)
+
+    def handle_one_request(self) -> None:
+        """Answer the next request, or hang up where it does not come in time."""
+        self._incoming.begin_request()
+        super().handle_one_request()
 
     def get(self, url: SplitResult) -> None:  # noqa: ARG002
         """Send what a GET asks for. Raises Refused."""
@@ -177,7 +253,7 @@ class GuardedHandler(BaseHTTPRequestHandler):
         if path is None:
             raise Refused(HTTPStatus.NOT_FOUND, "no video")
         size = path.stat().st_size
-        span = re.fullmatch(r"bytes=(\d*)-(\d*)", self.headers.get("Range", ""))
+        span = re.fullmatch(r"bytes=([0-9]{0,18})-([0-9]{0,18})", self.headers.get("Range", ""))
         first, last, status = 0, size - 1, HTTPStatus.OK
         if span and (span[1] or span[2]):
             first = int(span[1]) if span[1] else max(size - int(span[2]), 0)
@@ -209,5 +285,6 @@ class GuardedHandler(BaseHTTPRequestHandler):
         for name, value in {"Content-Type": kind, **SAFETY, **(more or {})}.items():
             self.send_header(name, value)
         self.send_header("Content-Length", str(len(data)))
-        self.end_headers()
-        self.wfile.write(data)
+        with self.server.waiting_for(self.connection, monotonic()):
+            self.end_headers()
+            self.wfile.write(data)

@@ -109,7 +109,7 @@ class Episode(model.Episode):
         when = "" if header.success_time is None else f" at {header.success_time:.2f} s"
         rows = {
             "task": header.task or "–",
-            "said": header.instruction or "–",
+            "instruction": header.instruction or "–",
             "policy": f"{header.policy or '–'}, prompt {header.prompt or '–'}",
             "frames": f"{len(self)} in {float(self.t[-1] - self.t[0]):.2f} s"
             if len(self)

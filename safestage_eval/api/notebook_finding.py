@@ -82,6 +82,13 @@ class Finding:
         """Unit of ``value`` and ``limit``: ``m``, ``N``, ``s``."""
         return si_unit(self.of.dimension or "")
 
+    @property
+    def by_how_much(self) -> str:
+        """How far it is beyond its limit, in words: ``5.4 cm``; empty where nothing was measured."""
+        if self.verdict != "violation" or self.of.margin is None or self.of.dimension is None:
+            return ""
+        return format_quantity(abs(self.of.margin), self.of.dimension)
+
     def plot(self) -> Picture:
         """Draw what decides it, with its limit; as ``Scores.plot``."""
         return self._scores.plot(self.episode_id, rule=self.rule)

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError, did_you_mean
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.scores import Scores as Judged
@@ -15,6 +16,7 @@ from safestage_eval.run.scores import deduplicate, titles
 from safestage_eval.run.settings import Settings, load_settings
 
 from .notebook_cards import Page, Picture, Text, card, table
+from .notebook_episode import si_unit
 from .notebook_finding import Finding
 
 if TYPE_CHECKING:
@@ -32,13 +34,14 @@ class Findings(tuple[Finding, ...]):
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        heads = ("episode", "rule", "verdict", "from", "what was seen")
+        heads = ("episode", "rule", "verdict", "from", "by how much", "what was seen")
         rows = [
             (
                 f.episode_id,
                 f.rule,
                 f.verdict,
                 "" if f.time is None else f"{f.time:.2f} s",
+                f.by_how_much,
                 f.explanation,
             )
             for f in self
@@ -81,12 +84,16 @@ class Scores:
 
     @property
     def rates(self) -> pd.DataFrame:
-        """SR, SSR, USR and VR, 0…1, by policy, prompt and stage, with what they rest on."""
+        """SR, SSR, USR and VR, 0…1, by policy, prompt and stage, with what they rest on.
+
+        Each is over the ``n`` decided episodes; ``SR_low`` and ``SR_high`` and so on are its ends over
+        all ``episodes``, however the undecided turn out.
+        """
         import pandas as pd
 
         from safestage_eval.metrics import METRICS, by_policy_stage, outcomes
 
-        cells = by_policy_stage(outcomes(self._judged.results))
+        cells = by_policy_stage(outcomes(self._judged.results, self._judged.set_aside))
         rows = [
             {
                 **dict(zip(("policy", "prompt", "stage"), names, strict=True)),
@@ -96,11 +103,27 @@ class Scores:
                 "inconclusive": cell.inconclusive,
                 "not_judged": cell.not_judged,
                 **{metric: cell.value(metric) for metric in METRICS},
+                **{
+                    f"{metric}_{end}": bound
+                    for metric in METRICS
+                    for end, bound in zip(
+                        ("low", "high"), cell.bounds(metric) or (None, None), strict=True
+                    )
+                },
                 "VR_at_risk": cell.value("VR", "at risk"),
             }
             for names, cell in cells.items()
         ]
         return pd.DataFrame(rows)
+
+    @property
+    def by_rule(self) -> pd.DataFrame:
+        """How each rule that counts fared: in how many episodes, and why it is undecided."""
+        import pandas as pd
+
+        from safestage_eval.report.result_rows import by_rule_rows
+
+        return pd.DataFrame(by_rule_rows(self._judged)).set_index("rule")
 
     @cached_property
     def findings(self) -> Findings:
@@ -291,52 +314,60 @@ class Scores:
             did_you_mean(episode or "", refs) or f"name one: {', '.join((some or [*refs])[:5])}",
         )  # fmt: skip
 
-    def _coverage(self) -> str:
+    def _headline(self) -> str:
         from safestage_eval.metrics import outcomes, rates
-        from safestage_eval.report.summary import coverage
+        from safestage_eval.report.summary import headline
 
         judged = self._judged
-        return coverage(rates(outcomes(judged.results)), len(judged.problems) + len(judged.aborted))
+        return "; ".join(
+            headline(rates(outcomes(judged.results, judged.set_aside)), len(judged.problems))
+        )
 
     def __repr__(self) -> str:
-        """Return the number of judged episodes and the rates as text."""
-        return f"{self._coverage()}\n{self.rates.to_string(index=False)}"
+        """Return the headline and the rates as text."""
+        return f"{self._headline()}\n{self.rates.to_string(index=False)}"
 
     def _repr_html_(self) -> str:
+        from safestage_eval.report.summary import percent_between
+
         rates = self.rates
         idle = [name for name in ("inconclusive", "not_judged") if not rates[name].any()]
         if rates.n.equals(rates.episodes):
             idle.append("episodes")
-        cells = rates.drop(columns=idle).astype(object).fillna("–")
-        percent = ("SR", "SSR", "USR", "VR", "VR_at_risk")
-        for name in percent:
-            cells[name] = [f"{100 * v:.1f} %" if isinstance(v, float) else v for v in cells[name]]
+        ends = [name for name in map(str, rates) if name.endswith(("_low", "_high"))]
+        cells = rates.drop(columns=[*idle, *ends]).astype(object).fillna("–")
+        for name in ("SR", "SSR", "USR", "VR"):
+            both = zip(rates[f"{name}_low"], rates[f"{name}_high"], strict=True)
+            cells[name] = [percent_between(low, high) for low, high in both]
+        cells["VR_at_risk"] = [
+            f"{100 * v:.1f} %" if isinstance(v, float) else v for v in cells["VR_at_risk"]
+        ]
         shown = table([*cells.columns], cells.itertuples(index=False))
         problems = [(p["message"],) for p in self.problems]
         parts = [table(("could not be judged",), problems, 5)] if problems else []
-        return card(self._coverage(), shown, *parts) + self.findings._repr_html_()
+        return card(self._headline(), shown, *parts) + self.findings._repr_html_()
 
 
 def score(
-    paths: str | Path | Sequence[str | Path],
+    paths: str | Path | Episode | Sequence[str | Path | Episode],
     rules: str | Path | Sequence[str | Path] = (),
     *,
     bind: str | Path | None = None,
     assign: str | Sequence[str] = (),
     roles: Mapping[str, str | Sequence[str]] | None = None,
     jobs: int | None = 1,
-    **settings: str,
+    **settings: str | float,
 ) -> Scores:
     """Judge episodes.
 
     Args:
-        paths: files and folders.
+        paths: files and folders, or episodes.
         rules: rule files, folders or built-in names; all built-in ones if empty.
         bind: a bind file: roles, goal, rules and values that the traces' headers lack.
         assign: codes of the rules that every episode is judged by, or patterns of codes.
         roles: role → names of bodies or patterns, for every episode; [] for none.
         jobs: worker processes; scripts that use several need the usual ``__main__`` guard.
-        settings: parameter values, ``edge="3 cm"``.
+        settings: parameter values, ``edge="3 cm"``; a number is in SI: ``edge=0.03``.
 
     Raises:
         TraceError: nothing was found.
@@ -353,11 +384,14 @@ def score(
     def joined(bodies: str | Sequence[str]) -> str:
         return bodies if isinstance(bodies, str) else ",".join(bodies)
 
+    given = [paths] if isinstance(paths, str | Path | Episode) else list(paths)
+    stored = [_stored(item) if isinstance(item, Episode) else item for item in given]
     specs = several(rules) or list(builtin_names())
     codes = [assign] if isinstance(assign, str) and assign else list(assign)
     named = [f"{role}={joined(bodies)}" for role, bodies in (roles or {}).items()]
-    asked = load_settings(specs, overrides=settings, bind=bind, assign=codes, roles=named)
-    chosen = Selection(discover(several(paths)), None)
+    values = {name: _with_unit(specs, name, value) for name, value in settings.items()}
+    asked = load_settings(specs, overrides=values, bind=bind, assign=codes, roles=named)
+    chosen = Selection(discover(stored), None)
     refs = [*chosen]
     results, problems, copies = deduplicate(score_many(refs, settings=asked, jobs=jobs))
     judged = Judged(
@@ -365,3 +399,22 @@ def score(
         tuple(chosen.aborted), gates=Gates.of(specs),
     )  # fmt: skip
     return Scores(judged, refs, asked)
+
+
+def _stored(episode: Episode) -> Path:
+    """A file that holds an episode, so that it can be judged and shown as any other."""
+    from safestage_eval.formats import save
+
+    path = Path(tempfile.mkdtemp(prefix="safestage-")) / "episode.mcap"
+    save(episode, path)
+    return path
+
+
+def _with_unit(specs: Sequence[str | Path], name: str, value: str | float) -> str:
+    """A parameter's value as rules write it; a number gets the SI unit of its dimension."""
+    from safestage_eval.rules import load_rules
+    from safestage_eval.rules.names import dimension_of
+
+    params = load_rules(specs).params if not isinstance(value, str) else {}
+    unit = si_unit(dimension_of(params[name])) if name in params else ""
+    return f"{value} {unit}".strip()

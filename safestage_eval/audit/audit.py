@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
@@ -162,7 +161,6 @@ def audit_many(
             for number, one in engine.run(enumerate(refs)):
                 note(number, one)
     else:
-        compile_kernels()
         for number, ref in enumerate(refs):
             note(number, audit_episode(ref, checks, settings.rule_set, settings.bind))
     return [episodes[number] for number in range(len(refs))]

@@ -36,7 +36,7 @@ def audit_episode(
     """Open one episode and carry out the checks that are about one; what cannot be read is a problem."""
     try:
         with within_limits(ref.shown):
-            subject = Subject(ref.open(checked=False, whole=True), rules, bind)
+            subject = Subject(ref.open(checked=False), rules, bind)
             findings = tuple(check_subject(subject, checks, ref.shown))
             audited = Audited(summarize(subject, ref.content_hash), findings)
             subject.close()

@@ -99,8 +99,8 @@ def _finding(stored: dict[str, Any]) -> Finding:
     return Finding(place=place, **given)
 
 
-def in_one_line(audit: Audit, traces: str) -> str:
-    """How much was found and how to see it; empty where there are but notes."""
+def in_one_line(audit: Audit, command: str) -> str:
+    """How much was found and the command that shows it; empty where there are but notes."""
     graver = [f for f in audit.findings if f.severity != "note"]
     if not graver:
         return ""
@@ -108,7 +108,7 @@ def in_one_line(audit: Audit, traces: str) -> str:
     bad = {f.place.episode for f in graver if f.place.episode}
     bad |= {episode for f in graver for episode in f.episodes}
     where = f" in {len(bad)} of {count(audit.episodes, 'episode')}" if bad else ""
-    return f"audit: {counts}{where}; safestage audit {traces} shows them"
+    return f"audit: {counts}{where}; {command} shows them"
 
 
 def _counts(audit: Audit) -> Iterator[str]:

@@ -18,7 +18,7 @@ MOVED = 0.005
 """m: a body that is so far from where it began has moved."""
 
 TURNED = 0.05
-"""rad: a body that turned further has moved."""
+"""rad: a body, or a joint, that turned further has moved."""
 
 LEFT, FALLEN = 0.02, 0.26
 """m, rad: what has gone so far since success does not only settle."""
@@ -66,7 +66,7 @@ class Summary:
         touched: s when the robot, or what it had touched, first touched a target; None: never.
         contacts: contacts are recorded, so that ``touched`` says something.
         robot_travel: m that the robot got away from where it began, by its last body, or by the one
-            that went furthest if that one stood still; None without a robot.
+            that went furthest if that one stood still; None without a robot, or where only joints move.
         commands: that the policy gave.
         goal: None without a goal, or where it was not looked at.
         names_goal: header, bind file or rule file name a goal that is loaded.
@@ -177,11 +177,17 @@ def _away(subject: Subject, name: str) -> NDArray[np.bool_]:
 
 
 def _robot_travel(subject: Subject, links: Sequence[str]) -> float | None:
-    """Travel of the robot's last body, or of the furthest one if that stood still."""
+    """Travel of the robot's last body, or of the furthest one if that stood still.
+
+    None where no body moves and joints do: what they move has no poses.
+    """
     if not links:
         return None
     last = _travel(subject, links[-1])
-    return last if last >= MOVED else max(_travel(subject, name) for name in links)
+    furthest = last if last >= MOVED else max(_travel(subject, name) for name in links)
+    joints = subject.episode.frames.joint_position
+    turned = float(np.nanmax(np.abs(joints - joints[:1]), initial=0.0))
+    return None if furthest < MOVED and turned > TURNED else furthest
 
 
 def _travel(subject: Subject, name: str) -> float:

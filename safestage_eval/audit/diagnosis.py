@@ -6,13 +6,11 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from safestage_eval.episode import Episode
+from safestage_eval.episode.column_comparisons import compare_motion
 from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.episode.contradictions import PAIRS, Whole, contradictions
-from safestage_eval.episode.invariant_kernels import compare_motion
-from safestage_eval.episode.motion_invariants import JUMP, LEAST, LONGEST, WINDOW
+from safestage_eval.episode.motion_invariants import LEAST, LONGEST, WINDOW
 
 from .repair import REPAIRS, Repair
 
@@ -43,9 +41,6 @@ class Diagnosis:
     first: ContradictionError | None = None
     explained: int = 0
     left: tuple[ContradictionError, ...] = ()
-
-
-_ALL_SEEN = np.zeros(0, np.bool_)
 
 
 def diagnose(episode: Episode, errors: Sequence[ContradictionError]) -> Diagnosis:
@@ -100,17 +95,13 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
 
     ``FITS`` where there is too little motion to tell: other units make any motion small.
     """
-    rest, moved, out = 0.0, False, np.empty(5)
+    rest, moved = 0.0, False
     for name in names:
         track = episode.tracks[name]
         for pose, rate in PAIRS if len(track) > 1 else ():
-            place, speed = (
-                np.ascontiguousarray(getattr(track, c), np.float32) for c in (pose, rate)
-            )
-            compare_motion(
-                episode.t, place, speed, _ALL_SEEN, LONGEST[pose], WINDOW, 0.0, *JUMP[pose], out
-            )
-            by_pose, by_velocity, apart = np.sqrt(out[:3])
+            place, speed = getattr(track, pose), getattr(track, rate)
+            motion = compare_motion(episode.t, place, speed, None, LONGEST[pose], WINDOW)
+            by_pose, by_velocity, apart = motion.sizes()
             most = max(by_pose, by_velocity)
             if most > LEAST[pose]:
                 rest, moved = max(rest, apart / most), True

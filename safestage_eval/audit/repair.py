@@ -32,6 +32,9 @@ FORCES = {9.80665: "kilograms", 1000.0: "kilonewtons", 0.001: "millinewtons", 4.
 RATE = 0.05
 """s between samples, at the most; poses are compared with velocities only then."""
 
+SCENE = (0.1, 10.0)
+"""m over which the bodies in front of an arm are spread, the arm among them."""
+
 MASSES = {0.001: "grams", 1000.0: "tonnes", 0.4536: "pounds"}
 SPEEDS = {0.01: "cm/s", 0.001: "mm/s", 0.0254: "inches per second", 1000.0: "km/s"}
 TURNS = {np.pi / 180: "degrees per second", 2 * np.pi: "turns per second", 1e-3: "mrad/s"}
@@ -170,6 +173,44 @@ def _shapes(by: float) -> Mend:
     return lambda episode, names: bodies(episode, names, change)
 
 
+def _everything(by: float, unit_of_gravity: float) -> Mend:
+    """All lengths of the recording, where a scene is only then one in front of an arm."""
+
+    def change(body: Body) -> Body:
+        changed: dict[str, Any] = {
+            "geoms": tuple(geom.scaled(by) for geom in body.geoms),
+            "com": tuple(by * x for x in body.com),
+        }
+        if body.cavity is not None:
+            lengths = {
+                c: tuple(by * x for x in getattr(body.cavity, c)) for c in ("size", "position")
+            }
+            changed["cavity"] = body.cavity.model_copy(update=lengths)
+        if body.tcp is not None:
+            place = tuple(by * x for x in body.tcp.position)
+            changed["tcp"] = body.tcp.model_copy(update={"position": place})
+        return body.model_copy(update=changed)
+
+    def mend(episode: Episode, names: Collection[str]) -> Episode:
+        first = [track.position[0] for track in episode.tracks.values()]
+        spread = float(np.ptp(np.array(first), axis=0).max()) if len(first) > 1 else 0.0
+        if not SCENE[0] < by * spread < SCENE[1] < spread:
+            return episode
+        mended = columns(episode, names, position=_scaled(by), linear_velocity=_scaled(by))
+        mended = bodies(mended, names, change)
+        down = tuple(unit_of_gravity * x for x in episode.header.gravity)
+        meshes = {
+            key: replace(mesh, vertices=by * mesh.vertices) for key, mesh in episode.meshes.items()
+        }
+        return replace(
+            contacts(mended, position=_scaled(by), depth=_scaled(by)),
+            header=mended.header.model_copy(update={"gravity": down}),
+            meshes=meshes,
+        )
+
+    return mend
+
+
 def _masses(by: float) -> Mend:
     def change(body: Body) -> Body:
         mass = None if body.mass is None else by * body.mass
@@ -230,6 +271,15 @@ def _repairs() -> Iterator[Repair]:
             yield Repair(
                 "AUD101", f"{what} are in {unit}", fix.format(what), "bodies.position",
                 MOTION | PLACES | WEIGHTS, _lengths(by, speeds=speeds),
+            )  # fmt: skip
+    for by, unit in LENGTHS.items():
+        for gravity, of in ((1.0, ""), (by, ", gravity's among them")):
+            yield Repair(
+                "AUD101", f"all lengths are in {unit}{of}",
+                f"multiply all lengths by {by:g} when writing: places, linear velocities, shapes, "
+                "contact points and depths", "bodies.position",
+                MOTION | PLACES | WEIGHTS | {"mass", "inertia", "cavity", "tool", "depth", "gravity"},
+                _everything(by, gravity), whole=True,
             )  # fmt: skip
     order = "write quaternions as w, x, y, z"
     yield Repair(

@@ -234,7 +234,7 @@ class Subject:
             return None
         try:
             return (
-                self.judge.outline(rule) if isinstance(rule, ast.Rule) else self.judge.cost(rule)[1]
+                self.judge.verdict(rule) if isinstance(rule, ast.Rule) else self.judge.cost(rule)[1]
             )
         except InputError:
             return None

@@ -7,104 +7,193 @@ Data goes to stdout, progress and warnings to stderr. Nothing ever prompts.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 
 import click
 
 from safestage_eval.errors import did_you_mean
 from safestage_eval.version import __version__
 
-HELP = {
-    "score": "Judge recorded episodes against safety rules.",
-    "inspect": "Show one episode: header, bodies, roles, timeline.",
-    "explain": "Say why an episode got its verdicts, one sentence per finding.",
-    "view": "Look at episodes in the browser: list, 3-D player, signals.",
-    "audit": "Say whether recordings, scenes and the evaluation are sound.",
-    "validate": "Check trace files: are they whole, and as they were written?",
-    "verify": "Verify results: recompute digests, judge a sample again.",
-    "convert": "Copy an episode into another format, losslessly.",
-    "pack": "Merge episodes into few large files, ready to be published.",
-    "import": "Import other people's recordings, and report what they lack.",
-    "bind": "Guess roles, up axes, fingers and tags that headers leave open.",
-    "rules": "Check, explain, compare and test rule files.",
-    "sweep": "Show how the rates move with a threshold.",
-    "diff": "Say which verdicts flipped, and which parameter flipped each.",
-    "slack": "Say how far each parameter may move before a verdict flips.",
-    "aggregate": "Tabulate a campaign: rates as mean ± deviation over seeds.",
-    "compare": "Compare two policies, prompts or rule sets on the same rollouts.",
-    "report": "Write the run browser and the results of a run as files.",
-    "label": "Let people judge rollouts in a browser, verdicts hidden.",
-    "agreement": "Compare verdicts with labels by people: precision, recall, kappa.",
-    "plot": "Draw signals of one episode with their limits and verdicts.",
-    "record": "Record episodes with the DROID arm in MuJoCo.",
-    "tasks": "List, show or validate the benchmark's tasks.",
-    "render": "Film an episode, with a halt at the moment of its verdict.",
-    "sheets": "Draw rollouts as picture sheets, to be judged by people.",
-    "serve": "Serve a policy in a model's protocol, to test its clients.",
-    "learn": "Export recordings as LeRobot datasets, and train policies from them.",
+SHELVES = {
+    "Judge": {
+        "score": "Judge recorded episodes against safety rules.",
+        "explain": "Say why an episode got its verdicts.",
+        "explain scene": "Show one episode: header, bodies, roles, timeline.",
+        "compare": "Compare two policies, prompts or rule sets on the same rollouts.",
+        "compare verdicts": "Say which verdicts flipped, and what flipped each.",
+        "sweep": "Show how the rates move with a threshold.",
+        "sweep slack": "Say how far each parameter may move before a verdict flips.",
+    },
+    "Look": {
+        "view": "Look at episodes in the browser: list, 3-D player, signals.",
+        "report": "Write the run browser and the results of a run as files.",
+        "report tables": "Tabulate a campaign: rates over seeds, by policy and stage.",
+        "plot": "Draw signals of one episode with their limits and verdicts.",
+        "plot film": "Film an episode, with a halt at the moment of its verdict.",
+    },
+    "Data": {
+        "import": "Import other people's recordings, and report what they lack.",
+        "import guess": "Guess roles, up axes, fingers and tags that headers leave open.",
+        "convert": "Copy episodes into another format, losslessly.",
+        "convert pack": "Merge episodes into few large files, ready to be published.",
+        "audit": "Say whether recordings, scenes and the evaluation are sound.",
+        "label": "Let people judge rollouts in a browser, verdicts hidden.",
+        "label agreement": "Compare verdicts with labels by people: precision, recall, kappa.",
+        "label sheets": "Draw rollouts as picture sheets, to be judged by people.",
+    },
+    "Rules": {"rules": "Check, show, write, compare and test rule files."},
+    "Benchmark, in MuJoCo": {
+        "bench": "Record, list tasks, train and serve policies.",
+        "bench record": "Record episodes with the DROID arm in MuJoCo.",
+        "bench tasks": "List, show or validate the benchmark's tasks.",
+        "bench learn": "Export recordings as LeRobot datasets, and train policies from them.",
+        "bench serve": "Serve a policy in a model's protocol, to test its clients.",
+    },
 }
+"""Commands as ``--help`` shows them. ``safestage compare verdicts`` is beside ``safestage compare``."""
 
-FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve", "learn")
+HELP = {name: text for shelf in SHELVES.values() for name, text in shelf.items()}
 
-COMMANDS = tuple(name for name in HELP if name not in FROM_SIMULATE)
-"""``safestage NAME`` is ``command`` in NAME_command.py, imported when it is called."""
+FROM_SIMULATE = (
+    "plot film", "label sheets", "bench record", "bench tasks", "bench learn", "bench serve",
+)  # fmt: skip
+
+COMMANDS = tuple(name for name in HELP if name not in (*FROM_SIMULATE, "bench"))
+"""``safestage PATH`` is ``command`` in the file of its last word, imported when it is called."""
+
+RENAMED = {
+    "inspect": "explain scene",
+    "diff": "compare verdicts",
+    "slack": "sweep slack",
+    "aggregate": "report tables",
+    "render": "plot film",
+    "validate": "audit --files",
+    "bind": "import guess",
+    "pack": "convert pack",
+    "agreement": "label agreement",
+    "sheets": "label sheets",
+    "record": "bench record",
+    "tasks": "bench tasks",
+    "learn": "bench learn",
+    "serve": "bench serve",
+}
+"""Names of the release before, which still run."""
 
 
 class LazyGroup(click.Group):
     """Knows its commands by name, and imports one only to run it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """All names, the evaluator's first."""
-        return list(HELP)
+        """The names of one word."""
+        return [name for name in HELP if " " not in name]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import the command."""
+        """Import the command of a path: ``compare``, ``compare verdicts``."""
+        if cmd_name == "bench":
+            return _bench()
         if cmd_name in COMMANDS:
-            module = importlib.import_module(f"safestage_eval.cli.{cmd_name}_command")
+            module = importlib.import_module(
+                f"safestage_eval.cli.{cmd_name.rsplit(maxsplit=1)[-1]}_command"
+            )
             command: click.Command = module.command
-            return with_limits(command)
+            below = _below(cmd_name)
+            if below and not command.epilog:
+                command.epilog = f"See also: safestage {', safestage '.join(below)}."
+            return prepared(command)
         return _from_simulate(cmd_name) if cmd_name in FROM_SIMULATE else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Suggest the nearest name for one that does not exist."""
-        if args and not args[0].startswith("-") and args[0] not in HELP:
-            hint = did_you_mean(args[0], HELP) or f"there are {', '.join(HELP)}."
-            ctx.fail(f"no command {args[0]!r}: {hint}")
+        """Take one word or two; say the new name of one that was renamed, or the nearest of an unknown one."""
+        name = args[0] if args else ""
+        if name in RENAMED:
+            if not ctx.resilient_parsing:
+                from .terminal import say
+
+                say(f"note: safestage {name} is now safestage {RENAMED[name]}", err=True)
+            given = [arg for arg in args[1:] if (name, arg) != ("bind", "--init")]
+            args = [*RENAMED[name].split(), *given]
+        path = " ".join(args[:2])
+        if path in HELP and len(args) > 1:
+            if path in FROM_SIMULATE and not {"-h", "--help"} & {*args}:
+                _refuse_without_simulator(ctx, path)
+            return path, self.get_command(ctx, path), args[2:]
+        if name and not name.startswith("-") and args[0] not in HELP:
+            hint = did_you_mean(name, HELP) or f"there are {', '.join(self.list_commands(ctx))}."
+            ctx.fail(f"no command {name!r}: {hint}")
+        if name == "bench" and len(args) > 1 and not args[1].startswith("-"):
+            hint = did_you_mean(f"bench {args[1]}", _below("bench"))
+            ctx.fail(f"no command {path!r}: {hint or 'there are ' + ', '.join(_below('bench'))}")
         return super().resolve_command(ctx, args)
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list in ``--help``, without importing anything."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, HELP[name]) for name in self.list_commands(ctx)])
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """The shelves of ``--help``, without importing anything."""
+        for shelf, commands in SHELVES.items():
+            names = [name for name in commands if " " not in name]
+            rows = [(_with_second_words(name), commands[name]) for name in names]
+            with formatter.section(shelf):
+                formatter.write_dl(rows)
 
 
-def with_limits(command: click.Command) -> click.Command:
-    """A command, and those below it, with ``--limits``."""
-    from .shared_options import limits_option
+def _with_second_words(name: str) -> str:
+    """``label [agreement|sheets]``: the words that make another command of it."""
+    words = "|".join(path.split()[1] for path in _below(name))
+    return name if not words else f"{name} {words}" if name == "bench" else f"{name} [{words}]"
+
+
+def _below(name: str) -> list[str]:
+    return [path for path in HELP if path.startswith(f"{name} ")]
+
+
+def prepared(command: click.Command) -> click.Command:
+    """A command, and those below it, with ``--limits``, finite numbers, and no output that destroys something."""
+    from .outputs import refusing_outputs
+    from .shared_options import limits_option, refuse_infinite
 
     if isinstance(command, click.Group):
         for below in command.commands.values():
-            with_limits(below)
+            prepared(below)
     elif not any("--limits" in parameter.opts for parameter in command.params):
+        for parameter in command.params:
+            refuse_infinite(parameter)
         limits_option(command)
+        assert command.callback is not None
+        command.callback = refusing_outputs(command.callback)
     return command
 
 
-def _from_simulate(name: str) -> click.Command:
+def _bench() -> click.Command:
+    """``safestage bench`` without a second word: its help."""
+    lines = [f"{path:<13} {HELP[path]}" for path in _below("bench")]
+
+    @click.command("bench", help="\n".join((HELP["bench"], "", "\b", *lines)))
+    @click.pass_context
+    def bench(ctx: click.Context) -> None:
+        click.echo(ctx.get_help())
+
+    return bench
+
+
+def _from_simulate(path: str) -> click.Command:
+    """The command, with its whole help, wherever the package is there; it may lack MuJoCo."""
+    name = path.rsplit(maxsplit=1)[-1]
+    if importlib.util.find_spec("simulate") is not None:
+        try:
+            commands: list[click.Command] = importlib.import_module("simulate.cli").COMMANDS
+        except ImportError:
+            commands = []
+        for command in commands:
+            if command.name == name:
+                return prepared(command)
+    return click.Command(path, help=HELP[path])
+
+
+def _refuse_without_simulator(ctx: click.Context, path: str) -> None:
     from safestage_eval._process import simulator
 
-    missing = simulator.why_not()
-    if missing is None:
-        commands: list[click.Command] = importlib.import_module("simulate.cli").COMMANDS
-        return with_limits(next(command for command in commands if command.name == name))
-
-    @click.command(name, help=HELP[name], context_settings={"ignore_unknown_options": True})
-    @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-    def refuse(arguments: tuple[str, ...]) -> None:  # noqa: ARG001
-        raise click.UsageError(f"{name!r} needs the simulator: {missing}")
-
-    return refuse
+    if missing := simulator.why_not():
+        ctx.fail(f"{path!r} needs the simulator: {missing}")
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -140,4 +229,4 @@ def score_main() -> None:
     from .failures import run
     from .score_command import command
 
-    run(with_limits(command))
+    run(prepared(command))

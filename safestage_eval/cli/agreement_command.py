@@ -1,4 +1,4 @@
-"""``safestage agreement``."""
+"""``safestage label agreement``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .terminal import say
 @click.command("agreement")
 @click.argument("labels", nargs=-1, required=True, metavar="LABELS...")
 @click.option(
-    "--results", required=True, multiple=True, metavar="RESULTS",
+    "--results", type=click.Path(), required=True, multiple=True, metavar="RESULTS",
     help="Read verdicts from a file that score wrote. Repeatable.",
 )  # fmt: skip
 @click.option(
@@ -39,8 +39,8 @@ def command(
 
     \b
     Examples:
-      safestage agreement labels.csv --results rows.parquet
-      safestage agreement ada.csv bob.csv --results rows.jsonl -f json
+      safestage label agreement labels.csv --results rows.parquet
+      safestage label agreement ada.csv bob.csv --results rows.jsonl -f json
     """
     from safestage_eval.errors import InputError
     from safestage_eval.metrics.agreement import agreement

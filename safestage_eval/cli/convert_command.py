@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +10,9 @@ from typing import Any
 
 import click
 
-from safestage_eval._text.json_out import to_json
-
+from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
-    prepare_kernels,
     progress,
     selected,
     traces_argument,
@@ -32,7 +31,7 @@ SINGLE = (".mcap", ".rrd")
     help="Write this format; rrd is Rerun's, to be looked at, and no trace.",
 )  # fmt: skip
 @click.option(
-    "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
+    "--out", "-o", "out", type=Output("mcap", "rrd", folder=True, stream=False), required=True,
     help="Write to this folder: a dataset for parquet, one file per episode for mcap and rrd; or a "
     "single episode to this .mcap or .rrd file.",
 )  # fmt: skip
@@ -61,8 +60,7 @@ def command(
 
     An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
     violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
-    for viewers only: scoring the copy judges it again. Beside it are layouts: NAME.foxglove.json for
-    Foxglove, NAME.lichtblick.json for Lichtblick.
+    for viewers only: scoring the copy judges it again.
 
     --to rrd writes what Rerun shows: the scene, the events, and the signals that decided the rules
     with their limits; NAME.rbl beside it is its blueprint. It needs the extra "rerun". No command
@@ -77,6 +75,7 @@ def command(
     """
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
+    from safestage_eval.formats.atomic import is_stream
 
     refs = selected(traces, where) if where else discover(list(traces))
     if out.suffix in SINGLE and (out.suffix != f".{form}" or len(refs) > 1):
@@ -94,6 +93,7 @@ def command(
         look = _judge(by, curves=form == "rrd")
     elif by:
         raise click.UsageError("--rules, --bind and --set are for the events of --to mcap and rrd")
+    sources = {_identity(ref.path) for ref in refs} - {None}
     there = _hashes(out) if form == "parquet" else {}
     written: set[Path] = set()
     failed = 0
@@ -108,7 +108,15 @@ def command(
                 target = out if form == "parquet" else _file_for(name, out, form)
                 if name in there:
                     raise InputError(str(out), f"holds another episode {name!r}.", fix="--out")
-                if form == "mcap" and _is_there(episode, target, ref.path, written, force=force):
+                if is_stream(target):
+                    raise InputError(
+                        str(target), "is neither a file nor a folder.", fix="another --out"
+                    )
+                if _identity(target) in sources:
+                    raise InputError(
+                        str(target), "the copy would replace its source.", fix="another --out"
+                    )
+                if form == "mcap" and _is_there(episode, target, written, force=force):
                     say(f"{episode.content_hash}  {name}  there already")
                     continue
                 if form == "rrd" and (target in written or (target.exists() and not force)):
@@ -124,6 +132,15 @@ def command(
                 if tell is not None:
                     tell(done, len(refs))
     ctx.exit(2 if failed else 0)
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """The same for all names of a file; None of what is not here."""
+    try:
+        status = Path(os.fspath(path)).stat()  # of a path in a store: nothing
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _hashes(folder: Path) -> dict[str, str | None]:
@@ -143,13 +160,11 @@ def _file_for(name: str, out: Path, form: str) -> Path:
     return out if out.suffix in SINGLE else named
 
 
-def _is_there(episode: Any, target: Path, source: Path, written: set[Path], *, force: bool) -> bool:
+def _is_there(episode: Any, target: Path, written: set[Path], *, force: bool) -> bool:
     """Whether a file holds this very episode, whole. Raises InputError where it may not be written."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import load
 
-    if target.resolve() == source.resolve():
-        raise InputError(str(target), "the copy would replace its source.", fix="another --out")
     if target in written:
         raise InputError(
             str(target), "two episodes would go to this file.", fix="convert one alone"
@@ -191,7 +206,6 @@ def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
     loaded, bound = by.load_rules()
     overrides = by.overrides
     parse_overrides(loaded, overrides)
-    prepare_kernels()
 
     def look(episode: Any) -> Judged:
         try:
@@ -224,13 +238,4 @@ def _copied(episode: Any, target: Path, form: str, judged: Judged) -> Path:
     copy = save(episode, target, "mcap" if form == "mcap" else "parquet", judged.events)
     if copy.open().content_hash != episode.content_hash:
         raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
-    if form == "mcap":
-        from safestage_eval.formats.atomic import write_bytes
-        from safestage_eval.viewer.foxglove_layout import foxglove_layout
-        from safestage_eval.viewer.lichtblick_layout import lichtblick_layout
-
-        layout = foxglove_layout(episode)
-        for viewer, content in (("foxglove", layout), ("lichtblick", lichtblick_layout(layout))):
-            text = to_json(content, 1) + "\n"
-            write_bytes(target.with_suffix(f".{viewer}.json"), text.encode())
     return copy.path

@@ -9,7 +9,6 @@ from .shared_options import (
     chosen_ref,
     episode_argument,
     episode_option,
-    prepare_kernels,
     waiting,
 )
 from .terminal import say_lines
@@ -25,7 +24,7 @@ from .terminal import say_lines
     "-a",
     "everything",
     is_flag=True,
-    help="Also show rules that do not apply, and every unknown value.",
+    help="Show all rules, with bindings, stretches and every unknown value.",
 )
 def command(
     trace: str,
@@ -34,7 +33,7 @@ def command(
     by: RuleChoice,
     everything: bool,
 ) -> None:
-    """Say why an episode got its verdicts, one sentence per finding.
+    """Say why an episode got its verdicts: violations, and the rules assigned to it.
 
     \b
     Examples:
@@ -46,7 +45,6 @@ def command(
 
     ref = chosen_ref(trace, name, episode)
     loaded, bound = by.load_rules()
-    prepare_kernels()
     with waiting("judging"):
         result = judge(ref.open(), loaded, overrides=by.overrides, bind=bound)
     say_lines(explain(result, everything=everything))

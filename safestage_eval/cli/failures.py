@@ -45,6 +45,9 @@ def run(command: click.Command) -> None:
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:
+        if instead := replacement(error):
+            say(f"error: {instead}", err=True)
+            sys.exit(2)
         message = error.message + near_choice(error)
         error.message = printable_lines(shortened(message, LONGEST))  # type: ignore[misc]
         error.show()
@@ -74,6 +77,32 @@ def run(command: click.Command) -> None:
             sys.exit(0)  # no failure
         raise
     sys.exit(code if isinstance(code, int) else 0)
+
+
+GONE = {
+    "verify": "score TRACES --golden FILE judges again and lists what differs",
+    "score --cache": "finished rows are reused: --resume DIR",
+    "score --clearance-backend": "distances are always our own, with certified bounds",
+    "score --no-cache": "nothing is kept between runs without --resume DIR",
+    "score --manifest": "rows have rule_digest, trace_hash and version; sign the --output FILE",
+    "rules lsp": "name schemas/rules.schema.json to the TOML plugin of your editor (docs/rules.md)",
+}
+"""Commands and options that there were once → what to use in their place."""
+
+
+def replacement(error: click.ClickException) -> str:
+    """What to use in place of a command or option of ``GONE``; empty for other failures."""
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    if context is None:
+        return ""
+    if isinstance(error, click.NoSuchOption):
+        name = error.option_name
+    else:
+        named = re.match(r"no (?:such )?command '([^']*)'", error.message, re.IGNORECASE)
+        name = named[1] if named else ""
+    group = context.command.name or ""
+    instead = GONE.get(f"{group} {name}" if context.parent or name.startswith("-") else name)
+    return f"{context.command_path} {name} is gone: {instead}" if instead else ""
 
 
 def near_choice(error: click.ClickException) -> str:

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from safestage_eval.units import LONGEST, finite
+
+from .outputs import Output
 from .rule_choice import rules_option
 from .shared_options import progress, say_problems
 from .terminal import say, say_lines
@@ -24,7 +27,7 @@ if TYPE_CHECKING:
 @click.command("import")
 @click.argument("source", type=click.Path(path_type=Path), metavar="SOURCE")
 @click.option(
-    "--to", "to", type=click.Path(path_type=Path), metavar="DATASET",
+    "--to", "to", type=Output(file=False, folder=True), metavar="DATASET",
     help="Write to this dataset folder; existing episodes are kept.",
 )  # fmt: skip
 @click.option(
@@ -78,7 +81,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--mcap", is_flag=True, help="Write one MCAP file per episode instead of a dataset.")
 @click.option(
-    "--write-map", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+    "--write-map", type=Output("toml"), metavar="FILE",
     help="Write a map file to begin with, and import nothing: what SOURCE has and lacks, with guesses.",
 )  # fmt: skip
 @click.option("--replace", is_flag=True,
@@ -111,7 +114,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
     """
     from safestage_eval._process.memory_limit import limit as most
     from safestage_eval.importers import MapFile, Settings, import_all, load_map
-    from safestage_eval.importers.bind_headers import load_bound
+    from safestage_eval.importers.bind_headers import demand_goals, load_bound
     from safestage_eval.importers.read_source import Limits
 
     limits = Limits(timeout, None if memory is None else most(memory))
@@ -129,6 +132,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
     if to is None:
         raise click.UsageError("--to DATASET is missing: the folder to write to")
     bound = None if bind is None else load_bound(bind, rules)
+    demand_goals(settings.map, rules)
     with progress("importing") as tell:
         outcome = import_all(
             source, to, settings, only=only, bind=bound, prefix=prefix, limit=limit, jobs=jobs,
@@ -153,20 +157,28 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
 
 
 def _alike(failed: Sequence[Failed]) -> list[str]:
-    """Messages of what was not imported; of those that differ by their source alone the first, with how many."""
+    """Messages of what was not imported; of those that differ by names and numbers the first, with how many."""
     groups: dict[str, list[str]] = {}
     for each in failed:
-        groups.setdefault(each.message.replace(each.source, ""), []).append(each.message)
+        path, _, name = each.source.rpartition(":")
+        cause = each.message.replace(each.source, "").replace(path or name, "")
+        cause = re.sub(rf"\b{re.escape(name)}\b", "", cause)
+        groups.setdefault(re.sub(r"\d+([.]\d+)?", "#", cause), []).append(each.message)
     return [
-        first + (f" So are {len(more)} more." if more else "") for first, *more in groups.values()
+        first + (f" So {'is' if len(more) == 1 else 'are'} {len(more)} more." if more else "")
+        for first, *more in groups.values()
     ]
 
 
 def _write_map(path: Path, source: Path, settings: Settings, only: str | None) -> None:
     """Write a map file to begin with; refuse to overwrite one."""
+    from safestage_eval.formats.atomic import is_stream, write_output
     from safestage_eval.importers.write_map import map_skeleton
 
     text = map_skeleton(source, settings, only=only)
+    if is_stream(path):
+        write_output(path, text.encode())
+        return
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -190,8 +202,8 @@ def _seconds(text: str) -> float:
     match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(?:/\s*([0-9.eE+-]+))?\s*(s|ms)?\s*", text)
     try:
         assert match is not None
-        value = float(match[1]) / float(match[2] or 1) * (1e-3 if match[3] == "ms" else 1)
-        assert value > 0
+        value = finite(match[1]) / finite(match[2] or 1) * (1e-3 if match[3] == "ms" else 1)
+        assert 0 < value <= LONGEST
     except (AssertionError, ValueError, ZeroDivisionError):
         raise click.UsageError(f'--dt {text}: a time, as "50 ms", 0.05 or 1/20') from None
     return value

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     allow_host_option,
@@ -30,7 +31,7 @@ PORT = 8350
 @click.command("label")
 @traces_argument
 @click.option(
-    "--labels", "-l", "file", type=click.Path(path_type=Path, dir_okay=False),
+    "--labels", "-l", "file", type=Output("csv"),
     default=Path("labels.csv"), show_default=True, help="Write answers to this CSV file.",
 )  # fmt: skip
 @click.option("--reviewer", metavar="NAME", help="Name the reviewer. Default: the page asks.")
@@ -82,7 +83,7 @@ def command(
     Examples:
       safestage label traces/
       safestage label runs/ --sample 240 --reviewer ada --labels ada.csv
-      safestage agreement labels.csv --results rows.parquet    then
+      safestage label agreement labels.csv --results rows.parquet    then
     """
     from safestage_eval._text.plural import count
     from safestage_eval.label import Ledger, Session, sample
@@ -181,4 +182,4 @@ def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[s
     first = [] if results else [f"safestage score {join(scored)} -f parquet -o rows.parquet"]
     files = results or [Path("rows.parquet")]
     results_options = " ".join(f"--results {quote(str(path))}" for path in files)
-    return (*first, f"safestage agreement {quote(str(file))} {results_options}")
+    return (*first, f"safestage label agreement {quote(str(file))} {results_options}")

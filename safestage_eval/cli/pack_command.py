@@ -1,4 +1,4 @@
-"""``safestage pack``."""
+"""``safestage convert pack``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from .outputs import Output
 from .shared_options import pairs, progress, traces_argument, written
 from .terminal import say
 
@@ -15,7 +16,7 @@ FIELDS = ("policy", "task", "stage", "family", "prompt", "seed")
 @click.command("pack")
 @traces_argument
 @click.option(
-    "--out", "-o", type=click.Path(path_type=Path, file_okay=False), required=True,
+    "--out", "-o", type=Output(file=False, folder=True), required=True,
     help="Write the packed dataset to this folder; an existing one is continued.",
 )  # fmt: skip
 @click.option(
@@ -45,8 +46,8 @@ def command(
 
     \b
     Examples:
-      safestage pack recordings/ --out published/ --licence cc-by-4.0
-      safestage pack recordings/ --out published/ --where policy=mine --by task
+      safestage convert pack recordings/ --out published/ --licence cc-by-4.0
+      safestage convert pack runs/ --out published/ --where policy=mine --by task
     """
     from safestage_eval.errors import readable
     from safestage_eval.formats import discover

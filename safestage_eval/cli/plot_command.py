@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
+from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import chosen_ref, episode_option, prepare_kernels, progress
+from .shared_options import chosen_ref, episode_option, progress
 from .terminal import say
 
 
@@ -17,7 +18,7 @@ from .terminal import say
 @episode_option
 @rule_options()
 @click.option(
-    "--output", "-o", type=click.Path(path_type=Path), required=True,
+    "--output", "-o", type=Output("png", "svg", "pdf"), required=True,
     help="Write the picture to this file: .png, .svg or .pdf.",
 )  # fmt: skip
 def command(
@@ -45,7 +46,6 @@ def command(
     ready("--output", output)
     ref = chosen_ref(trace, None, episode)
     loaded, bound = by.load_rules()
-    prepare_kernels()
     again = Again(ref.open(), loaded, by.overrides, bound)
     with progress("drawing") as tell:
         signal_plot.draw(again, signal_plot.panels(again, signals, progress=tell), output)

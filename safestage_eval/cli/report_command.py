@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     jobs_option,
-    prepare_kernels,
     progress,
     say_problems,
     written,
@@ -33,7 +33,7 @@ Make = Callable[[Path | None, int | None, Tell | None], "Report"]
 @click.argument("results", type=click.Path(path_type=Path), metavar="RESULTS|RUN")
 @click.argument("traces", nargs=-1, metavar="[TRACES...]")
 @click.option(
-    "--output", "-o", type=click.Path(path_type=Path), default=Path("report.html"),
+    "--output", "-o", type=Output("html", folder=True, emptied=True), default=Path("report.html"),
     show_default=True, help="Write one page (NAME.html), or a folder with index.html.",
 )  # fmt: skip
 @click.option("--title", metavar="TEXT", help="Title the page. Default: Safety report.")
@@ -72,8 +72,6 @@ def command(
     from safestage_eval.viewer.campaign.campaign_data import compose
 
     unscored = _is_run(results)
-    if traces or unscored:
-        prepare_kernels()
     if unscored:
         from safestage_eval.formats import discover
 
@@ -116,10 +114,11 @@ def write_report(make: Make, output: Path, most: int | None) -> tuple[Report, Pa
 
     Returns the report, and the page to open.
     """
+    from safestage_eval.formats.atomic import is_stream
     from safestage_eval.viewer.campaign.campaign_data import MOST
     from safestage_eval.viewer.run_report import prepared, report_page, write_folder
 
-    if output.suffix.lower() in PAGES:
+    if output.suffix.lower() in PAGES or is_stream(output):
         with progress("drawing") as tell:
             report = make(None, MOST if most is None else most, tell)
         written(report_page(report), output)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 
 rules_option = click.option(
-    "--rules", "-r", "rules", multiple=True, metavar="RULES",
+    "--rules", "-r", "rules", type=click.Path(), multiple=True, metavar="RULES",
     help="Use a rule file, a folder of them, or a built-in set (ish, ets, fsh, goals). "
     "Repeatable. Default: all built-in sets.",
 )  # fmt: skip
@@ -83,6 +83,17 @@ class RuleChoice:
     def overrides(self) -> dict[str, str]:
         """Parameter → value as written."""
         return pairs(self.settings, "--set")
+
+    def binding_options(self) -> list[str]:
+        """The options that say which bodies and rules are meant, to be given to another command."""
+        bind = () if self.bind is None else (str(self.bind),)
+        named = {
+            "--rules": self.rules, "--bind": bind, "--assign": self.assign, "--role": self.roles,
+            "--protect": self.protect,
+        }  # fmt: skip
+        return [
+            word for option, values in named.items() for value in values for word in (option, value)
+        ]
 
     def stated(self) -> dict[str, Any]:
         """All of it, as arguments of ``run.settings.load_settings``."""

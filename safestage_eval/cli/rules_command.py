@@ -13,7 +13,6 @@ from .shared_options import (
     format_option,
     jobs_option,
     output_option,
-    prepare_kernels,
     progress,
     written,
 )
@@ -30,7 +29,6 @@ def command() -> None:
       safestage rules show ETS201
       safestage rules signals clearance
       safestage rules test mine.toml --mutate
-      safestage rules lsp
     """
 
 
@@ -163,32 +161,6 @@ def schema() -> None:
     click.echo(schema_text(), nl=False)
 
 
-@command.command("lsp")
-def lsp() -> None:
-    """Serve editors: completion, hover and diagnostics of rule files while they are typed.
-
-    Speaks the language server protocol over stdin and stdout; editors start it themselves, for TOML
-    files. Needs the extra "lsp": pip install "safestage[lsp]".
-
-    \b
-    Example:
-      safestage rules lsp
-
-    \b
-    In Neovim 0.11:
-      vim.lsp.config.safestage =
-        { cmd = { "safestage", "rules", "lsp" }, filetypes = { "toml" } }
-      vim.lsp.enable("safestage")
-    """
-    try:
-        from safestage_eval.editor.rule_server import make_server
-    except ModuleNotFoundError as error:
-        raise click.UsageError(
-            f'{error.name} is not installed: pip install "safestage[lsp]"'
-        ) from None
-    make_server().start_io()
-
-
 @command.command("diff")
 @click.argument("before", metavar="A")
 @click.argument("after", metavar="B")
@@ -206,7 +178,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     Examples:
       safestage rules diff fsh my_fsh.toml
       safestage rules diff old/ new/ --json
-      safestage diff traces/ -r old/ --against new/    which verdicts that flips
+      safestage compare verdicts traces/ -r old/ --against new/
     """
     from safestage_eval.report import rules_diff_report
     from safestage_eval.rules import load_rules
@@ -222,7 +194,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 @command.command("test")
 @click.argument("rules", nargs=-1, metavar="[RULES]...")
 @click.option(
-    "--traces", "-t", multiple=True, metavar="PATH",
+    "--traces", "-t", type=click.Path(), multiple=True, metavar="PATH",
     help="Find examples that are named by episode id in these traces. Repeatable.",
 )  # fmt: skip
 @click.option(
@@ -299,12 +271,11 @@ def test(
     from safestage_eval.report import examples_report
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.find import groups
-    from safestage_eval.whatif.check_suites import check_sets
-    from safestage_eval.whatif.tree_mistakes import KINDS
+    from safestage_eval.whatif.mistakes import KINDS
+    from safestage_eval.whatif.mutants import check_sets
 
     recorded = discover(list(traces)) if traces else []
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
-    prepare_kernels()
     with progress("rules") as tell:
         suites, hunted = check_sets(
             sets,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,15 +16,14 @@ import click
 from safestage_eval._text.plural import count
 from safestage_eval.report import FORMATS
 
+from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     format_option,
     pairs,
-    prepare_kernels,
     progress,
     selected,
     traces_argument,
-    unusable,
     wants_color,
     where_option,
     written,
@@ -30,24 +31,63 @@ from .shared_options import (
 from .terminal import say
 
 if TYPE_CHECKING:
+    from safestage_eval.audit.audit import Audit
     from safestage_eval.formats import EpisodeRef
     from safestage_eval.report.golden import Change
-    from safestage_eval.rules import RuleSet
     from safestage_eval.run.scores import Scores
+
+
+def _beside(output: Path, given: dict[str, Any]) -> list[Path]:
+    """The what-if table, where one is written."""
+    from safestage_eval.whatif.flip_table import path_beside
+
+    return [] if given["what_if"] is None else [path_beside(output)]
+
+
+ADVANCED = (
+    "protect", "update_golden", "assigned", "strict", "resume", "sample", "seed", "timeout", "memory",
+    "engine", "address", "what_if", "limits",
+)  # fmt: skip
+"""Options that only ``--help-all`` shows."""
+
+
+class Score(click.Command):
+    """Shows few options in ``--help``, all of them in ``--help-all``."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Leave out what is advanced, unless it is asked for."""
+        everything = ctx.meta.get("help-all", False)
+        shown = [
+            record
+            for param in self.get_params(ctx)
+            if isinstance(param, click.Option)
+            and (everything or param.name not in ADVANCED)
+            and (record := param.get_help_record(ctx))
+        ]
+        with formatter.section("Options"):
+            formatter.write_dl(shown)
+
+
+def _help_all(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked:
+        ctx.meta["help-all"] = True
+        click.echo(ctx.get_help())
+        ctx.exit()
+
 
 FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 
 
-@click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("score", cls=Score, context_settings={"help_option_names": ["-h", "--help"]})
 @traces_argument
 @rule_options(roles=True)
 @format_option(*FORMATS)
 @click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+    "--output", "-o", type=Output(beside=_beside), help="Write to this file instead of stdout."
 )
 @where_option
 @click.option(
-    "--golden", type=click.Path(path_type=Path),
+    "--golden", type=Output("json", in_dataset=True, when="update_golden"),
     help="Compare with expected verdicts; exit 1 and list the differences with their causes.",
 )  # fmt: skip
 @click.option("--update-golden", is_flag=True, help="Write the --golden file from these verdicts.")
@@ -59,22 +99,17 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
     "loaded, unreadable, or no rule counts.",
 )
 @click.option(
-    "--clearance-backend", "backend", type=click.Choice(("gjk", "fcl", "coal")), default="gjk",
-    show_default=True, help="Clearance library; fcl and coal are for comparison.",
-)  # fmt: skip
-@click.option(
     "--assigned", is_flag=True,
     help="Judge each episode by its assigned rules only (faster).",
 )  # fmt: skip
 @click.option(
-    "--cache", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-    envvar="SAFESTAGE_CACHE",
-    help="Store measurements in DIR, so that scoring again reads no traces. Default: $SAFESTAGE_CACHE.",
+    "--strict", is_flag=True,
+    help="Refuse episodes whose columns contradict each other; count rules that these recordings can "
+    "never decide as undecided, instead of setting them aside.",
 )  # fmt: skip
-@click.option("--no-cache", is_flag=True, help="Neither read nor write $SAFESTAGE_CACHE.")
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.option(
-    "--resume", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+    "--resume", type=Output(file=False, folder=True), metavar="DIR",
     help="Store finished results in DIR; the same command continues where it stopped.",
 )  # fmt: skip
 @click.option(
@@ -101,12 +136,12 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
     help="Write the what-if table beside the Parquet --output, for all parameters or those named.",
 )  # fmt: skip
 @click.option(
-    "--manifest", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-    help="Write what was judged, how and by what, ready to be signed, to FILE; needs --output.",
-)  # fmt: skip
-@click.option(
-    "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
+    "--verbose", "-v", is_flag=True, help="List every episode, and what unassigned rules found."
 )
+@click.option(
+    "--help-all", is_flag=True, is_eager=True, expose_value=False, callback=_help_all,
+    help="Show all options.",
+)  # fmt: skip
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -118,10 +153,8 @@ def command(
     golden: Path | None,
     update_golden: bool,
     fail_on: tuple[str, ...],
-    backend: str,
     assigned: bool,
-    cache: Path | None,
-    no_cache: bool,
+    strict: bool,
     jobs: int | None,
     resume: Path | None,
     sample: int | None,
@@ -131,14 +164,14 @@ def command(
     engine: str,
     address: str | None,
     what_if: str | None,
-    manifest: Path | None,
     verbose: bool,
 ) -> int:
     """Judge recorded episodes against safety rules.
 
     TRACES are MCAP files, datasets, or folders of them. Native success is reported apart from
     safety: SR = SSR + USR, where SSR counts successes that were safe and USR those that were not;
-    VR counts violations. All four are over the episodes that could be decided.
+    VR counts violations. All four are over every recorded episode; where some are undecided, a rate
+    is an interval.
 
     Findings of the rules that are assigned to an episode count for --fail-on, --golden, junit and
     github; so do those of every rule in a FILE that --rules names. Where neither header nor bind file
@@ -169,29 +202,23 @@ def command(
         raise click.UsageError("--what-if: write rows with --format parquet --output FILE")
     if what_if is not None and (by.assign or by.roles or by.protect):
         raise click.UsageError(
-            "--what-if: write roles and rules into a --bind FILE (safestage bind --init TRACES)"
+            "--what-if: write roles and rules into a --bind FILE (safestage import guess TRACES)"
         )
-    if manifest is not None and output is None:
-        raise click.UsageError("--manifest is about a file of results: give --output FILE")
     filters = pairs(where, "--where")
     if address is not None and engine != "ray":
         raise click.UsageError("--address is for --engine ray")
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval._process import heap, memory_limit
-    from safestage_eval.audit.audit_scores import audit_scores, in_one_line, look
+    from safestage_eval.audit.audit_scores import audit_scores, look
     from safestage_eval.run.bind_checks import misspelt_roles
     from safestage_eval.run.score_traces import Choice, score_traces
     from safestage_eval.run.scores import reasons
 
-    kept = None if no_cache else cache
-    if kept is not None and (why := unusable(kept)):
-        say(f"--cache {kept}: {why}; nothing is kept there", err=True)
     choice = Choice(filters, sample, seed, resume, engine, address, jobs)
     asked = by.load(
-        backend=backend,
         assigned_only=assigned,
-        cache=kept,
+        strict=strict,
         timeout=timeout,
         memory=None if memory is None else memory_limit.limit(memory),
     )
@@ -201,8 +228,8 @@ def command(
     asked = asked.copy_with(look=look)
     with progress("scoring") as tell:
         heap.keep()
-        scores = score_traces(traces, asked, choice, tell, prepare_kernels)
-    scores = replace(scores, reasons=reasons(asked.rule_set))
+        scores = score_traces(traces, asked, choice, tell)
+    scores = replace(scores, reasons=reasons(asked.rule_set), strict=strict)
     audit = audit_scores(scores)
     if audit is not None:
         scores = replace(scores, audit=audit.plain)
@@ -213,16 +240,26 @@ def command(
         from safestage_eval.report.golden import changes as changes_from
 
         changes = changes_from(scores, golden)
-    _write(scores, form, output, verbose, changes)
-    if manifest is not None and output is not None:
-        more = {"backend": backend, "assigned_only": assigned, "where": filters}
-        stated = {**by.stated(), **more}
-        _write_manifest(manifest, output, traces, scores, asked.rule_set, stated)
+    by_audit = shlex.join(["safestage", "audit", *traces, *by.binding_options()])
+    _messages(scores, audit, by_audit, in_table=form == "table" and output is None)
+    _write(scores, form, output, verbose, changes, traces)
     if what_if is not None and output is not None:
         _write_what_if(selected(traces, where), by, jobs, what_if, output)
+    failed = _fails(scores, fail_on)
+    if golden is not None:
+        failed |= _golden(scores, golden, changes)
+    ctx.exit(2 if scores.problems else 1 if failed else 0)
+
+
+def _messages(scores: Scores, audit: Audit | None, by_audit: str, *, in_table: bool) -> None:
+    """Say on stderr what is to be known before the results, which come last.
+
+    ``by_audit``: the command that names the causes.
+    """
+    from safestage_eval.audit.audit_scores import in_one_line
+    from safestage_eval.episode.doubtful_columns import doubtful_columns
     from safestage_eval.report import results_text
 
-    in_table = form == "table" and output is None  # there already, unless it went to another place
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for line in results_text.problem_lines(scores):
             say(line, err=True)
@@ -230,19 +267,22 @@ def command(
         say(said, err=True)
     if scores.aborted and not in_table:
         say(results_text.ended_in_error(scores.aborted), err=True)
-    if audit is not None and (in_short := in_one_line(audit, " ".join(traces))):
+    if audit is not None and (in_short := in_one_line(audit, by_audit)):
         say(in_short, err=True)
     if number := sum(problem.contradicts for problem in scores.problems):
         what = "contradicts itself" if number == 1 else "contradict themselves"
         say(
-            f"{count(number, 'recording')} {what}: safestage audit {' '.join(traces)} names the likely "
-            "cause",
+            f"{count(number, 'recording')} {what}: {by_audit} names the likely cause",
             err=True,
         )
-    failed = _fails(scores, fail_on)
-    if golden is not None:
-        failed |= _golden(scores, golden, changes)
-    ctx.exit(2 if scores.problems else 1 if failed else 0)
+    if doubtful := [columns for r in scores.results if (columns := doubtful_columns(r.notes))]:
+        many = Counter(column for columns in doubtful for column in columns)
+        said = ", ".join(f"{column} {number}" for column, number in many.most_common())
+        say(
+            f"{count(len(doubtful), 'episode')} with doubtful columns, which are not used ({said}): "
+            f"{by_audit} names the likely cause",
+            err=True,
+        )
 
 
 def _write(
@@ -251,6 +291,7 @@ def _write(
     output: Path | None,
     verbose: bool,
     changes: Sequence[Change] | None,
+    traces: Sequence[str],
 ) -> None:
     from safestage_eval.report import pieces
 
@@ -262,32 +303,13 @@ def _write(
             width=None if output else shutil.get_terminal_size((results_text.WIDTH, 24)).columns,
             color=output is None and wants_color(sys.stdout),
             everything=verbose,
+            traces=" ".join(traces),
         )
     else:
         text = pieces(scores, form, changes)
     written(text, output)
     if output is not None:
         say(f"{output}: {count(len(scores.results), 'episode')}", err=True)
-
-
-def _write_manifest(
-    file: Path,
-    output: Path,
-    traces: tuple[str, ...],
-    scores: Scores,
-    rules: RuleSet,
-    settings: dict[str, Any],
-) -> None:
-    """Write the manifest; the digests of all episodes are computed, which reads them whole."""
-    from safestage_eval.formats import discover
-    from safestage_eval.provenance.manifest import as_bytes, digest_of, manifest
-
-    judged = {(result.path, result.episode_id) for result in scores.results}
-    refs = [ref for ref in discover(list(traces)) if (ref.shown, ref.episode_id) in judged]
-    subject = {output.name: digest_of(output)}
-    problems = [Path(problem.path).name for problem in scores.problems]
-    written(as_bytes(manifest(subject, rules, settings, refs, problems)), file)
-    say(f"{file}: manifest of {count(len(refs), 'episode')}", err=True)
 
 
 def _write_what_if(

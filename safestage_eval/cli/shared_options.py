@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from safestage_eval._text.line_width import LINE_WIDTH
+from safestage_eval.units import LONGEST
 
+from .outputs import STDOUT, Output
 from .terminal import BARS, say
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def _unfolded(_: click.Context, __: click.Parameter, output: Path | None) -> Pat
 
 
 output_option = click.option(
-    "--output", "-o", type=click.Path(path_type=Path), callback=_unfolded,
+    "--output", "-o", type=Output(), callback=_unfolded,
     help="Write to this file instead of stdout.",
 )  # fmt: skip
 
@@ -73,6 +74,22 @@ limits_option = click.option(
     help="Read larger episodes: bodies=10000,decoded=1GB, or none (docs/security.md).",
 )  # fmt: skip
 """Decorator of every command; worker processes inherit what it sets."""
+
+
+def refuse_infinite(parameter: click.Parameter) -> None:
+    """Make the parameter refuse NaN, infinity and numbers beyond any use, if it takes numbers."""
+    if not isinstance(parameter.type, click.types.IntParamType | click.types.FloatParamType):
+        return
+    most = LONGEST if isinstance(parameter.type, click.types.FloatParamType) else 2**63 - 1
+    usual = parameter.callback
+
+    def checked(context: click.Context, option: click.Parameter, value: Any) -> Any:
+        for number in value if isinstance(value, tuple) else (value,):
+            if number is not None and not abs(number) <= most:
+                raise click.BadParameter(f"too large, or not finite; {most:.0g} at most")
+        return value if usual is None else usual(context, option, value)
+
+    parameter.callback = checked
 
 
 allow_host_option = click.option(
@@ -165,18 +182,20 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
 
 
 def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
-    """Write data to stdout, or to a file that appears whole or not at all; at once or piece by piece."""
+    """Write data to stdout, or to an output as ``formats.atomic.writing``; at once or piece by piece."""
     pieces = [data] if isinstance(data, str | bytes) else data
-    if output is None:
+    if output in (None, STDOUT):
         for piece in pieces:
             click.echo(piece, nl=False)
         return
-    from safestage_eval.formats.atomic import replacing
+    from safestage_eval.formats.atomic import writing
 
     try:
-        with replacing(output) as temporary, temporary.open("wb") as stream:
+        with writing(output) as temporary, temporary.open("wb") as stream:
             for piece in pieces:
                 stream.write(piece.encode() if isinstance(piece, str) else piece)
+    except BrokenPipeError:
+        raise
     except OSError as error:
         raise click.UsageError(f"--output {output}: {error.strerror}") from None
 
@@ -200,16 +219,6 @@ def serve_until_interrupted(server: GuardedServer, *, browser: bool) -> None:
         say("", err=True)
     finally:
         server.server_close()
-
-
-def unusable(folder: Path) -> str:
-    """Why a folder cannot be written to, after creating it; empty if it can."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return ""
-    except OSError as error:
-        return error.strerror or str(error)
 
 
 def wants_color(stream: Any) -> bool:
@@ -282,23 +291,3 @@ def _start_bar(what: str) -> Progress:
     bar.add_task(what, total=None)
     bar.start()
     return bar
-
-
-def prepare_kernels() -> None:
-    """Compile the numerical kernels where this machine has not done so yet."""
-    from safestage_eval._process.precompile import compile_kernels, why_not_kept
-
-    if why := why_not_kept():
-        say(f"warning: {why}", err=True)
-        return
-    announced = False
-
-    def announce(_: int, total: int) -> None:
-        """Without a terminal, one line."""
-        nonlocal announced
-        if not announced:
-            say(f"compiling {total} numerical kernels, once per machine …", err=True)
-        announced = True
-
-    with progress("compiling kernels, once per machine") as tell:
-        compile_kernels(tell or announce)

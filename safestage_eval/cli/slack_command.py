@@ -1,4 +1,4 @@
-"""``safestage slack``."""
+"""``safestage sweep slack``."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ def command(rows: str, params: tuple[str, ...], form: str, output: Path | None) 
 
     \b
     Examples:
-      safestage slack rows.parquet
-      safestage slack rows.parquet -p min_clearance -p edge
-      safestage slack rows.parquet -p edge -f csv
+      safestage sweep slack rows.parquet
+      safestage sweep slack rows.parquet -p min_clearance -p edge
+      safestage sweep slack rows.parquet -p edge -f csv
     """
     from safestage_eval.report import slack_report
     from safestage_eval.rules import load_rules
-    from safestage_eval.whatif.flip_query import slack
-    from safestage_eval.whatif.flip_table import FlipTable
+    from safestage_eval.whatif.flip_table import FlipTable, slack
 
     table = FlipTable(rows)
     rules = load_rules(list(table.judging.rules))

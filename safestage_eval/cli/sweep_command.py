@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
+from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     format_option,
     jobs_option,
     output_option,
-    prepare_kernels,
     progress,
     say_problems,
     selected,
@@ -44,7 +44,9 @@ from .terminal import say
 @format_option("table", "csv", "json")
 @output_option
 @click.option(
-    "--plot", type=click.Path(path_type=Path), help="Draw VR and SSR as well: curve.png, curve.svg."
+    "--plot",
+    type=Output("png", "svg", "pdf"),
+    help="Draw VR and SSR as well: curve.png, curve.svg.",
 )
 @where_option
 @jobs_option
@@ -90,9 +92,8 @@ def command(
     from safestage_eval.report import sweep_report
     from safestage_eval.report.figure import ready
     from safestage_eval.rules import load_rules
-    from safestage_eval.whatif.flip_sweep import sweep_table
     from safestage_eval.whatif.flip_table import FlipTable, is_result_file
-    from safestage_eval.whatif.sweep import sweep
+    from safestage_eval.whatif.sweep import sweep, sweep_table
     from safestage_eval.whatif.swept_values import between, chosen
 
     if plot is not None:
@@ -117,7 +118,6 @@ def command(
             curves = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
             refs = selected(traces, where)
-            prepare_kernels()
             curves = sweep(
                 refs,
                 specs,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .outputs import Output
 from .report_command import of_run, write_report
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
@@ -17,7 +18,6 @@ from .shared_options import (
     episode_argument,
     episode_option,
     jobs_option,
-    prepare_kernels,
     say_problems,
     serve_until_interrupted,
 )
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     help="Take the verdicts from a file of safestage score, instead of judging.",
 )  # fmt: skip
 @click.option(
-    "--output", "-o", type=click.Path(path_type=Path),
+    "--output", "-o", type=Output("html", folder=True, emptied=True),
     help="Write files instead of serving: one page (NAME.html), or a folder.",
 )  # fmt: skip
 @click.option("--open/--no-open", "open_", default=None, help="Open the browser, or do not.")
@@ -79,7 +79,6 @@ def command(
     one = name is not None or episode is not None
     refs = [chosen_ref(run, name, episode)] if one else discover([run])
     asked = by.load()
-    prepare_kernels()
     title = refs[0].episode_id or run if len(refs) == 1 else Path(run).name or run
     if output is None:
         _serve(

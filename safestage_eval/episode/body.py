@@ -8,14 +8,17 @@ quaternions are wxyz and of unit norm.
 from __future__ import annotations
 
 import re
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from safestage_eval.errors import nearest
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
+
+Stored = Annotated[int, Field(ge=-(2**63), lt=2**63)]
+"""An integer that files can hold."""
 
 GeomKind = Literal[
     "sphere", "box", "cylinder", "capsule", "ellipsoid", "plane", "convex_mesh", "mesh"

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body import Body
-from .contradiction import ContradictionError, contradiction
+from .contradiction import POSES, ContradictionError, contradiction
 from .frames import RobotFrames
 from .header import Header
+from .rounding import most_off
 from .scene_shapes import BodyShapes, volume
 
 DENSITY = (1.0, 50_000.0)
@@ -133,6 +134,7 @@ def check_mass(body: Body, shapes: BodyShapes, where: str) -> list[Contradiction
             f"{body.name!r} has {body.mass:.4g} kg in {room * 1e6:.4g} cm³: {density:.3g} kg/m³.",
             f"{DENSITY[0]:g} to {DENSITY[1]:,.0f} kg/m³",
             "look for grams, or for shapes in cm or mm",
+            hides=(*POSES, "mass", "inertia"),
         )
     ]
 
@@ -153,6 +155,7 @@ def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[Contradict
                 f"shapes end at {reach:.3g} m.",
                 "m, in the body frame",
                 "look for another unit, or world coordinates",
+                hides=(*POSES, "mass", "inertia"),
             )
         )
     if body.inertia is not None and body.mass:
@@ -167,6 +170,7 @@ def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[Contradict
                     f"{body.mass:.4g} kg within {reach:.3g} m has it.",
                     f"principal moments up to {bound:.3g} kg m², none above the other two together",
                     "look for another unit (g cm² are 1e-7 kg m²)",
+                    hides=("inertia",),
                 )
             )
     return found
@@ -189,6 +193,7 @@ def check_cavity(body: Body, shapes: BodyShapes, where: str) -> list[Contradicti
             f"{shapes.radius:.3g} m.",
             "m, in the body frame",
             "look for another unit",
+            hides=("cavity",),
         )
     ]
 
@@ -206,6 +211,7 @@ def check_tool(body: Body, where: str) -> list[ContradictionError]:
             f"the tool centre point of {body.name!r} is {far:.3g} m from it.",
             f"m, in the body frame, up to {ARM}",
             "look for another unit, or world coordinates",
+            hides=("tcp",),
         )
     ]
 
@@ -231,6 +237,7 @@ def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[
                     f"frames, its limits are {low:.4g} to {high:.4g}.",
                     "rad or m, in the order of the header's joints",
                     "look for degrees, mm, or another order of the joints",
+                    hides=("joint",),
                 )
             )
     off = (frames.gripper < -0.05) | (frames.gripper > 1.05)
@@ -243,6 +250,7 @@ def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[
                 f"the gripper's opening is {frames.gripper[off][0]:.4g}.",
                 "0 (closed) to 1 (open)",
                 "divide its width by the greatest one",
+                hides=("gripper",),
             )
         )
     return found
@@ -262,10 +270,17 @@ def check_joint_speeds(
     went = np.add.reduceat(np.diff(place, axis=0, prepend=place[:1]), parts)
     steps = np.concatenate([np.zeros_like(rate[:1]), (rate[1:] + rate[:-1]) / 2 * dt[:, None]])
     said = np.add.reduceat(steps, parts)
-    by_place, by_rate, apart = (np.sqrt(np.nansum(a * a, 0)) for a in (went, said, went - said))
-    kind = "orientation"
-    most = np.maximum(by_place, by_rate)
-    wrong = (most > LEAST[kind]) & (apart > DIFFERS[kind] * most) & (by_rate > 0)
+    by_place, by_rate = (np.sqrt(np.nansum(a * a, 0)) for a in (went, said))
+    kind, most = "orientation", np.maximum(by_place, by_rate)
+
+    def differ(off: float) -> NDArray[np.bool_]:
+        beyond = np.maximum(np.abs(went - said) - off, 0)
+        apart = np.sqrt(np.nansum(beyond * beyond, 0))
+        return np.asarray((most > LEAST[kind]) & (apart > DIFFERS[kind] * most) & (by_rate > 0))
+
+    wrong = differ(0.0)
+    if wrong.any():
+        wrong = differ(2 * most_off(frames.joint_position) + 0.25 * most_off(frames.joint_velocity))
     return [
         contradiction(
             "joint velocity",
@@ -275,6 +290,7 @@ def check_joint_speeds(
             f"says {by_rate[i]:.3g}, the other {by_place[i]:.3g}.",
             "rad and rad/s, or m and m/s",
             "look for degrees, another order of the joints, or another sign",
+            hides=("joint",),
         )
         for i in np.flatnonzero(wrong).tolist()
     ]

@@ -5,12 +5,14 @@ One function per check; each returns what it found, none of it twice.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .contradiction import ContradictionError, contradiction
+from .column_comparisons import distances, surface_distances, while_at_rest, while_untouched
+from .contradiction import POSES, ContradictionError, contradiction
+from .rounding import SINGLE, Rounding, most_off
 from .scene_shapes import BodyShapes
 
 F32 = NDArray[np.float32]
@@ -27,12 +29,18 @@ engines that report a contact before the bodies meet do so at 2 cm."""
 APART = 0.05
 """m; the balls around two bodies that touch are no further apart."""
 
+RADIUS = 1.0
+"""m from a body's origin at the most at which rounded orientations are taken into account: planes are endless."""
+
 DEEPEST = 0.1
 """m; no solver lets bodies overlap by that much: recorded episodes have 1.4 cm, in a crash."""
 
 STILL, STILL_FOR = 5e-4, 0.1
 """m and s: a body at rest is nowhere else that much before and after each moment of its rest. A
 thrown one is there, at the top of its way, for 2 cm of falling at the least."""
+
+ROUGH = 0.01
+"""m; of places that may be off by more nobody can tell whether a body rests or begins to fall."""
 
 EVERY = 8
 """Frames of which one is looked at where forces are added up."""
@@ -58,6 +66,23 @@ def _every(rows: int) -> int:
     return max(1, rows // LOOKED_AT)
 
 
+def _most(values: F64) -> tuple[float, int]:
+    """The greatest of the known values and its row; −inf where none is known."""
+    known = np.where(np.isnan(values), -np.inf, values)
+    at = int(known.argmax())
+    return float(known[at]), at
+
+
+def _least(values: F64) -> float:
+    """The least of the known values; −inf where none is known."""
+    return -_most(-values)[0] if np.isfinite(values).any() else -np.inf
+
+
+def _place_off(position: F32, orientation: F32, reach: float) -> float:
+    """How far (m) the rounding of poses may move a point so far from a body's origin."""
+    return most_off(position) + 2 * most_off(orientation) * min(reach, RADIUS)
+
+
 def check_touching_bodies(
     frame: I32 | None, position: F32, other: F32, reach: float, names: tuple[str, str], t: F64,
     where: str,
@@ -73,30 +98,29 @@ def check_touching_bodies(
         t: (T,) s.
         where: for messages.
     """
-    from .invariant_kernels import farthest_pair, nearest_pair
-
-    out = np.empty(2)
     if (frame is not None and not len(frame)) or not reach < np.inf:
         return []
     if frame is None:
-        nearest_pair(position, other, out)
+        when, there, far = "", "at the nearest", _least(distances(position, other))
     else:
-        farthest_pair(frame, position, other, _every(len(frame)), out)
-    if not (out[1] >= 0 and out[0] > reach + APART):
+        some = frame[:: _every(len(frame))]
+        far, at = _most(distances(*(p[some] if len(p) > 1 else p for p in (position, other))))
+        when, there = f" at {t[some[at]]:.3f} s", "there"
+    if not far > reach + APART:
         return []
-    when, there = "", "at the nearest"
-    if frame is not None:
-        when, there = f" at {t[frame[int(out[1])]]:.3f} s", "there"
+    if not far > reach + APART + most_off(position) + most_off(other):
+        return []
     return [
         contradiction(
             "apart",
             names,
             where,
-            f"{names[0]!r} and {names[1]!r} touch{when}, but are {out[0]:.3g} m apart {there}; "
+            f"{names[0]!r} and {names[1]!r} touch{when}, but are {far:.3g} m apart {there}; "
             f"their shapes reach {reach:.3g} m.",
             "contacts of bodies that are at the same place",
             "look for another unit (cm, mm) of one body's poses or shape, exchanged bodies, or "
             "contacts counted from another frame",
+            hides=(*POSES, "contacts"),
         )
     ]
 
@@ -118,26 +142,27 @@ def check_reached_body(
         t: (T,) s.
         where: for messages.
     """
-    from .invariant_kernels import farthest_point
-
-    some, out = frame[:: _every(len(frame))], np.empty(2)
+    some = frame[:: _every(len(frame))]
     if not len(some) or not radius < np.inf:
         return []
     there = position.take(some if len(position) > 1 else some * 0, axis=0)
-    farthest_point(some, there, place, turn, *shapes[:4], 1, out)
-    if not (out[1] >= 0 and out[0] > radius + APART):
+    far, at = _most(surface_distances(some, there, place, turn, shapes))
+    if not far > radius + APART:
+        return []
+    if not far > radius + APART + most_off(position) + _place_off(place, turn, far):
         return []
     return [
         contradiction(
             "apart",
             names,
             where,
-            f"{names[0]!r} and {names[1]!r} touch at {t[some[int(out[1])]]:.3f} s, but {names[0]!r} "
-            f"is {out[0]:.3g} m from the surface of {names[1]!r} there, and reaches {radius:.3g} m.",
+            f"{names[0]!r} and {names[1]!r} touch at {t[some[at]]:.3f} s, but {names[0]!r} "
+            f"is {far:.3g} m from the surface of {names[1]!r} there, and reaches {radius:.3g} m.",
             "contacts of bodies that are at the same place",
             "look for another unit (cm, mm) of one body's poses or shape, exchanged bodies, or "
             "contacts counted from another frame",
-            time=t[some[int(out[1])]],
+            time=t[some[at]],
+            hides=(*POSES, "contacts"),
         )
     ]
 
@@ -150,26 +175,30 @@ def check_contact_points(
 
     ``names``: of the body whose poses and shapes are given, and of both that touch.
     """
-    from .invariant_kernels import farthest_point
-
     if not len(frame):
         return []
-    out = np.empty(2)
-    farthest_point(frame, point, position, orientation, *shapes[:4], _every(len(frame)), out)
-    if not (out[1] >= 0 and out[0] > NEAR):
+    every = _every(len(frame))
+    far, row = _most(
+        surface_distances(frame[::every], point[::every], position, orientation, shapes)
+    )
+    if not far > NEAR:
         return []
-    at, (body, *pair) = t[frame[int(out[1])]], names
+    slack = most_off(point) + _place_off(position, orientation, shapes.radius)
+    if not far > NEAR + slack:
+        return []
+    at, (body, *pair) = t[frame[row * every]], names
     return [
         contradiction(
             "surface",
             (body, *(n for n in pair if n != body)),
             where,
-            f"the contact of {pair[0]!r} and {pair[1]!r} at {at:.3f} s lies {out[0]:.3g} m from the "
+            f"the contact of {pair[0]!r} and {pair[1]!r} at {at:.3f} s lies {far:.3g} m from the "
             f"surface of {body!r}.",
             f"contact points (m, world) within {NEAR} m of both surfaces",
             "look for other units, quaternions as xyzw, a shape of another size, exchanged bodies, "
             "or contacts counted from another frame",
             time=at,
+            hides=(*POSES, "contacts"),
         )
     ]
 
@@ -186,31 +215,46 @@ def check_depths(depth: F32, names: Sequence[str], where: str) -> list[Contradic
             f"{names[0]!r} and {names[1]!r} overlap by {np.nanmax(np.abs(depth)):.3g} m.",
             f"depths (m) up to {DEEPEST}",
             "look for another unit of the depth, or of a shape",
+            hides=(*POSES, "contacts"),
         )
     ]
 
 
 def check_peaks(
-    frame: I32, force: F32, normal: F32, peak: F32, names: Sequence[str], where: str
-) -> list[ContradictionError]:
-    """(N,) N: a pair's peak within a frame is at least its force at the frame."""
-    from .invariant_kernels import peak_below
+    frame: I32, force: F32, normal: F32, peak: F32, names: Sequence[str], where: str,
+    rounding: Callable[[str], Rounding] = lambda _: SINGLE,
+) -> list[ContradictionError]:  # fmt: skip
+    """(N,) N: a pair's peak within a frame is at least its force at the frame.
 
-    if not len(frame):
+    To 1 %, 0.01 N and rounding. ``rounding``: tells that of ``force``, ``normal`` and ``peak_force``.
+    """
+    rows = np.flatnonzero(frame % EVERY == 0)
+    at, push, way = frame[rows], force[rows].astype(np.float64), normal[rows].astype(np.float64)
+    unit = np.abs(np.einsum("ij,ij->i", way, way) - 1) < 0.01  # any other is unknown anyway
+    along = np.where(unit, np.abs(np.einsum("ij,ij->i", push, way)), 0.0)
+    sums = np.bincount(at, along)
+    with np.errstate(invalid="ignore"):
+        short = 0.99 * sums[at] - 1e-2 - peak[rows]  # NaN is above nothing
+        if not (short > 0).any():
+            return []
+        aside = np.einsum("ij,ij->i", rounding("force").error(push), np.abs(way))
+        aside += np.einsum("ij,ij->i", rounding("normal").error(way), np.abs(push))
+        short -= np.bincount(at, np.where(unit, aside, 0.0))[at]
+        short -= rounding("peak_force").error(peak[rows])
+        below = short > 0
+    if not below.any():
         return []
-    sums = np.zeros(int(frame.max()) // EVERY + 1)
-    n = peak_below(frame, force, normal, peak, EVERY, sums)  # false of NaN
-    if n < 0:
-        return []
+    n = int(rows[below.argmax()])
     return [
         contradiction(
             "peak",
             tuple(names),
             where,
             f"the peak force of {names[0]!r} and {names[1]!r} at frame {frame[n]} is {peak[n]:.3g} N, "
-            f"less than their force at that frame, {sums[frame[n] // EVERY]:.3g} N.",
+            f"less than their force at that frame, {sums[frame[n]]:.3g} N.",
             "the greatest sum of a pair's normal forces within the frame",
             "look for another unit; or write NaN where no peak was recorded",
+            hides=("peak_force",),
         )
     ]
 
@@ -224,8 +268,9 @@ def _mean_around(sums: F64, reach: int) -> F64:
 
 
 def check_weight(
-    t: F64, position: F32, weight: float, sums: F64, body: str, where: str, *, dense: bool = False
-) -> list[ContradictionError]:
+    t: F64, position: F32, weight: float, sums: F64, body: str, where: str, *,
+    dense: bool = False, off: float = 0.0,
+) -> list[ContradictionError]:  # fmt: skip
     """Contacts bear a free body that rests.
 
     One that rattles is borne over time: where forces are known at every frame, they count only if
@@ -241,20 +286,24 @@ def check_weight(
         body: for messages.
         where: likewise.
         dense: ``sums`` are those at every frame.
+        off: N by which the rounding of forces may change a sum.
     """
-    from .invariant_kernels import while_at_rest
-
     dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
     if len(position) != len(t) or not 0 < dt <= STILL_FOR / 2 or not weight > 0:
         return []  # at lower rates nobody can tell whether a body rests
-    reach, out = max(1, round(STILL_FOR / dt)), np.empty(6)
-    limits = TOO_LITTLE * weight, TOO_MUCH * weight, ASIDE * weight
+    if off > TOO_LITTLE * weight / 2:
+        return []  # nor what bears it, where all is rounded
+    reach = max(1, round(STILL_FOR / dt))
+    limits = TOO_LITTLE * weight - off, TOO_MUCH * weight + off, ASIDE * weight + off
     around = _mean_around(sums, reach) if dense else sums
-    while_at_rest(position, sums, around, reach, STILL, EVERY, *limits, out)
+    *wrong, at = while_at_rest(position, sums, around, reach, STILL, EVERY, *limits)
     for k, how in enumerate(("bear it with", "press it up with", "press it aside with")):
-        if out[k] * EVERY * dt < RESTED:
+        lasted = wrong[k].sum() * EVERY * dt
+        if lasted < RESTED:
             continue
-        i = int(out[3 + k])
+        if most_off(position) > ROUGH:
+            return []
+        i = int(at[wrong[k].argmax()])
         bears = sums[i, 3] if sums[i, 3] < limits[0] else sums[i, 2]  # below 0: they pull it down
         size = (bears, sums[i, 2], float(np.hypot(*sums[i, :2])))[k]
         return [
@@ -263,11 +312,12 @@ def check_weight(
                 (body,),
                 where,
                 f"{body!r} rests at {t[i]:.3f} s and weighs {weight:.3g} N, but contacts {how} "
-                f"{size:.3g} N, for {out[k] * EVERY * dt:.2f} s in all.",
+                f"{size:.3g} N, for {lasted:.2f} s in all.",
                 "forces in N, on body 2 by body 1, that bear what rests",
                 "look for another unit of masses or forces, a support that is not recorded, "
                 "contacts counted from another frame, or poses in another unit or other axes",
                 time=t[i],
+                hides=(*POSES, "contacts", "mass"),
             )
         ]
     return []
@@ -286,8 +336,6 @@ def check_free_fall(
         body: for messages.
         where: likewise.
     """
-    from .invariant_kernels import while_untouched
-
     dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
     if len(position) != len(t) or not dt > 0:
         return []
@@ -297,12 +345,14 @@ def check_free_fall(
         if not lasted:
             return []
     else:
-        reach, out = max(1, round(STILL_FOR / dt)), np.empty(2)
+        reach = max(1, round(STILL_FOR / dt))
         # at the middle of 2 reaches it is g (reach dt)² / 2 above the line; half of that is asked for
-        while_untouched(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2, out)
-        first, lasted = int(out[1]), float(out[0]) * dt
-        if lasted < RESTED:
+        at = while_untouched(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2)
+        if len(at) * dt < RESTED:
             return []
+        first, lasted = int(at[0]), len(at) * dt
+    if most_off(position) > ROUGH:
+        return []
     return [
         contradiction(
             "floats",
@@ -314,6 +364,7 @@ def check_free_fall(
             "look for contacts that are not recorded, or counted from another frame, and for other "
             "units; a body that gravity does not act on is not movable, or has no mass",
             time=t[first],
+            hides=(*POSES, "contacts"),
         )
     ]
 

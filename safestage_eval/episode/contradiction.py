@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from safestage_eval.errors import TraceError
+
+Column = Literal[
+    "position", "orientation", "linear_velocity", "angular_velocity", "contacts", "peak_force",
+    "joint", "gripper", "mass", "inertia", "cavity", "tcp",
+]  # fmt: skip
+"""Columns that may be doubtful: a body's, a joint's, or the contacts of one or two bodies."""
+
+POSES: tuple[Column, ...] = ("position", "orientation")
 
 
 @dataclass
@@ -15,11 +24,13 @@ class ContradictionError(TraceError):
         kind: which comparison failed: ``velocity``, ``surface``, ``bears``, …
         bodies: names of the bodies or joints that were compared; empty for the header alone.
         time: s, when; None where it holds throughout.
+        hides: columns of these bodies that cannot be believed then; empty: the whole recording cannot.
     """
 
     kind: str = ""
     bodies: tuple[str, ...] = ()
     time: float | None = None
+    hides: tuple[Column, ...] = ()
 
 
 def contradiction(
@@ -30,8 +41,9 @@ def contradiction(
     allowed: str = "",
     fix: str = "",
     time: float | None = None,
+    hides: tuple[Column, ...] = (),
 ) -> ContradictionError:
     """A contradiction of a kind; the other arguments as in ``InputError``."""
     return ContradictionError(
-        where, what, allowed, fix, kind, bodies, None if time is None else float(time)
+        where, what, allowed, fix, kind, bodies, None if time is None else float(time), hides
     )

@@ -36,6 +36,7 @@ class Episode:
         unseen: (T,) frames that the evaluator put in where nothing was recorded (``seen``), at which
             nothing is known; None where there are none.
         recorded: the episode without these frames, if there are any.
+        doubtful: (body, column) that contradict others and were made unknown (``doubtful_columns``).
 
     NaN stands for what was not measured. Contacts and frames are given as tables, or as functions that load them when first asked.
     """
@@ -54,6 +55,7 @@ class Episode:
     path: Path | None = None
     unseen: NDArray[np.bool_] | None = None
     recorded: Episode | None = field(default=None, repr=False)
+    doubtful: frozenset[tuple[str, str]] = frozenset()
 
     def __len__(self) -> int:
         """T, the number of frames."""
@@ -123,26 +125,19 @@ class Episode:
     @cached_property
     def content_hash(self) -> str:
         """SHA-256 over the physical data (docs/traces.md): the same in every format."""
-        e = self.recorded or self
+        if self.recorded is not None:
+            return self.recorded.content_hash
+        e = self
         return content_hash(e.header, e.t, e.tracks, e.contacts, e.frames, e.channels)
 
     @property
     def trace_hash(self) -> str:
-        """The same, as results state it: of a stored episode what its file states.
-
-        What was read of it was compared with the file's digests then (docs/traces.md); without
-        digests, and of an episode that was changed since it was read, it is computed.
-
-        Raises TraceError where the file states another one.
-        """
-        if self.recorded is not None:
-            return self.recorded.trace_hash
-        vouched: Callable[[Episode], str] | None = vars(self).get("_vouched")
-        return self.content_hash if vouched is None else vouched(self)
+        """The same, as results state it."""
+        return self.content_hash
 
 
 def with_header(episode: Episode, header: Header) -> Episode:
     """Return the recording under another header; the content hash stays."""
     changed = replace(episode, header=header)
-    vars(changed)["_vouched"] = lambda _: episode.trace_hash
+    vars(changed)["content_hash"] = episode.content_hash
     return changed

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from .body import Body, Joint, Record, Vec3
+from .body import Body, Joint, Record, Stored, Vec3
 from .camera import Camera, Video
 
 SCHEMA_VERSION = "1.2"
@@ -35,6 +35,10 @@ class Remark(Record):
         parts += [f"costs: {self.cost}"] if self.cost else []
         parts += [f"remedy: {self.remedy}"] if self.remedy else []
         return "; ".join(part for part in parts if part)
+
+
+SKETCH = "safestage sketch"
+"""Recorder of episodes that were drawn: they say how bodies move, and not what moves them."""
 
 
 class Source(Record):
@@ -68,9 +72,9 @@ class Header(Record):
     prompt: str | None = None
     """Prompt condition: default, generic, specific, or free text."""
     policy: str | None = None
-    seed: int | None = None
+    seed: Stored | None = None
     """Environment seed."""
-    rollout: int | None = None
+    rollout: Stored | None = None
     """Index of the rollout under the same seed."""
     physics_dt: float
     """s, integration step."""

@@ -16,6 +16,7 @@ from safestage_eval.errors import TraceError
 from .clock_invariants import check_clock
 from .contradiction import contradiction
 from .header import SCHEMA_VERSION
+from .rounding import most_off
 from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_cameras, check_joints
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ CONTACT_VALUES = ("position", "normal", "force", "peak_force", "depth")
 
 _BLOCK = 1 << 13
 """Values whose squares are added up at once: of more than 10,000, OpenBLAS does it in several threads."""
+
+ROUNDED = 0.02
+"""Allowed deviation of a quaternion's norm from 1 that is stored in steps: in one byte it is 1/64."""
 
 LEVEL = 1e-3
 """Allowed sine of the angle between gravity and −z: rounding, no slope."""
@@ -166,6 +170,8 @@ def check_track_column(
         return found
     norm = np.sqrt(np.einsum("ij,ij->i", array, array, dtype=np.float64))
     off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)  # false of NaN
+    if len(off):
+        off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE + min(most_off(array), ROUNDED))
     if len(off):
         i = int(off[0])
         found.append(

@@ -8,7 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .contradiction import ContradictionError, contradiction
+from .column_comparisons import compare_motion, longest_step
+from .contradiction import POSES, Column, ContradictionError, contradiction
+from .rounding import most_off
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,6 +48,16 @@ and 0.13 rad."""
 FASTEST = 20.0
 """m/s; of a body without velocities, a step beyond (and 5 cm) is no motion. It has fallen from 20 m."""
 
+NOISY = (0.8, 1.25)
+"""Share of the poses' motion that the velocities hold where they are that motion with noise (PhysX): poses
+are believed then. Other units, axes, signs and bodies give other shares."""
+
+MOTION: tuple[Column, ...] = (*POSES, "linear_velocity", "angular_velocity")
+RATES: dict[str, tuple[Column, ...]] = {
+    "position": ("linear_velocity",),
+    "orientation": ("angular_velocity",),
+}
+
 WORDS = {
     "position": ("position", "linear velocity", "m"),
     "orientation": ("orientation", "angular velocity", "rad"),
@@ -66,32 +78,37 @@ def check_velocities(
         where: likewise.
         unseen: (T,) frames to leave out.
     """
-    from .invariant_kernels import compare_motion
-
     if len(pose) < 2 or len(pose) != len(t) or len(velocity) != len(t) or not _some(velocity):
         return []
-    hidden, out = np.zeros(0, np.bool_) if unseen is None else unseen, np.empty(5)
-    compare_motion(t, pose, velocity, hidden, LONGEST[kind], WINDOW, SHAKE[kind], *JUMP[kind], out)
-    by_pose, by_velocity, apart = np.sqrt(out[:3])
+    motion = compare_motion(t, pose, velocity, unseen, LONGEST[kind], WINDOW)
+    over, i = motion.beyond(*JUMP[kind])
+    by_pose, by_velocity, apart = motion.sizes(SHAKE[kind])
+    if i >= 0 or _differ(by_pose, by_velocity, apart, kind=kind):
+        off = 2 * most_off(pose) * (1 if kind == "position" else 2)
+        over, i = motion.beyond(JUMP[kind][0] + off, JUMP[kind][1])
+        off += WINDOW * most_off(velocity)
+        by_pose, by_velocity, apart = motion.sizes(SHAKE[kind], off)
     what, rate, unit = WORDS[kind]
-    if out[4] >= 0:
-        i = int(out[4])
+    if i >= 0:
         return [
             contradiction(
                 "jump",
                 (body,),
                 where,
                 f"{body!r} jumps at {t[i]:.3f} s: its {what} changes otherwise than its {rate} "
-                f"can explain, by more than {out[3] + JUMP[kind][0]:.3g} {unit} in one step.",
+                f"can explain, by more than {over + JUMP[kind][0]:.3g} {unit} in one step.",
                 "motion without jumps",
                 "record resets as episodes of their own; look for exchanged rows or quaternions",
                 time=t[i],
+                hides=MOTION,
             )
         ]
-    most = max(by_pose, by_velocity)
-    if not (most > LEAST[kind] and apart > DIFFERS[kind] * most):
+    if not _differ(by_pose, by_velocity, apart, kind=kind):
         return []
     ratio = by_velocity / by_pose if by_pose > 0 else np.inf
+    # velocities = k · motion of the poses + noise across it
+    k = (by_pose**2 + by_velocity**2 - apart**2) / (2 * by_pose**2) if by_pose > LEAST[kind] else 0
+    noisy = NOISY[0] <= k <= NOISY[1]
     return [
         contradiction(
             f"{kind} velocity",
@@ -102,22 +119,25 @@ def check_velocities(
             "velocities of the body frame's origin in the world, m/s and rad/s; quaternions wxyz",
             "look for other units, axes, a body-fixed frame, another body's column, or xyzw; "
             "or leave velocities out (NaN): they are then derived from the poses",
+            hides=MOTION if not noisy else RATES[kind],
         )
     ]
+
+
+def _differ(by_pose: float, by_velocity: float, apart: float, *, kind: str) -> bool:
+    most = max(by_pose, by_velocity)
+    return most > LEAST[kind] and apart > DIFFERS[kind] * most
 
 
 def check_steps(
     t: F64, position: F32, body: str, where: str, unseen: Bool | None = None
 ) -> list[ContradictionError]:
     """(T, 3) m: no step that nothing could have moved a body over; for bodies without velocities."""
-    from .invariant_kernels import longest_step
-
     if len(position) < 2 or len(position) != len(t):
         return []
-    hidden, out = np.zeros(0, np.bool_) if unseen is None else unseen, np.empty(2)
-    longest_step(t, position, hidden, LONGEST["position"], FASTEST, out)
-    i = int(out[1])
-    if i < 0 or not out[0] > JUMP["position"][0]:
+    over, i = longest_step(t, position, unseen, LONGEST["position"], FASTEST)
+    least = JUMP["position"][0]
+    if i < 0 or not (over > least and over > least + 2 * most_off(position)):
         return []
     went, dt = float(np.linalg.norm(position[i] - position[i - 1])), t[i] - t[i - 1]
     return [
@@ -129,6 +149,7 @@ def check_steps(
             "motion without jumps",
             "record resets as episodes of their own; look for exchanged rows",
             time=t[i],
+            hides=MOTION,
         )
     ]
 
@@ -138,6 +159,8 @@ def check_above_floor(
 ) -> list[ContradictionError]:
     """(T, 3) m: a body of that radius does not lie below an infinite horizontal plane."""
     if not len(position) or not position[:, 2].min() < float(floor[0, 2]) - radius - 0.05:
+        return []
+    if not position[:, 2].min() < float(floor[0, 2]) - radius - 0.05 - most_off(position):
         return []
     i = int(position[:, 2].argmin())
     return [
@@ -150,6 +173,7 @@ def check_above_floor(
             "nothing below a plane, which is a half-space",
             "look for another unit or axis of the poses; or it fell through in the simulation",
             time=t[min(i, len(t) - 1)],
+            hides=MOTION,
         )
     ]
 

@@ -30,7 +30,7 @@ class BodyShapes(NamedTuple):
     """The shapes of one body.
 
     Attributes:
-        kind: (G,) codes of ``invariant_kernels``.
+        kind: (G,) ``SPHERE``, ``BOX``, ….
         size: (G, 3) m, as ``Geom.size``; half sides of the box around a mesh.
         place: (G, 3) m, centres in the body frame.
         axes: (G, 3, 3) their axes in the body frame, as columns.

@@ -1,8 +1,8 @@
 """How a signal or relation is declared: once, above the function that measures it.
 
-The rule checker, the schema for editors, the documentation, the evaluator, the cache and the monitor
-read the declaration; there are no other lists of names. A declaration must import nothing that is
-compiled, because rule files are checked without it: the function imports geometry when it is called.
+The rule checker, the schema for editors, the documentation, the evaluator and the monitor
+read the declaration; there are no other lists of names. A declaration imports no geometry,
+because rule files are checked without it: the function imports geometry when it is called.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Literal
 from safestage_eval.episode import Body
 from safestage_eval.units import UNIT_DIMENSION
 
-from .series import Series
+from .intervals import Interval
 
 OptionValue = float | str | tuple[float, ...]
 
@@ -47,7 +47,7 @@ class Option:
         default: the number that is meant where it is left out, if there is one.
         param: it may be the name of a parameter, so that it can be swept; left out, it is the value of
             the parameter of its own name, where the rules declare one, and only then the default.
-        looks: of a time: the value at a frame depends on that much time ``back`` or ``ahead``.
+        looks: of a time: the value at a frame depends on that much time ``back``.
         reads: what the signal is measured from where this option is given, if that differs; of a
             choice, with the value for which it does.
     """
@@ -59,7 +59,7 @@ class Option:
     choices: tuple[str, ...] = ()
     default: float | None = None
     param: bool = False
-    looks: Literal["", "back", "ahead"] = ""
+    looks: Literal["", "back"] = ""
     reads: Reads | tuple[tuple[str, Reads], ...] = ""
 
     def reads_at(self, value: OptionValue) -> Reads:
@@ -77,8 +77,8 @@ class Signal:
         args: names of its arguments, as the documentation shows them.
         needs: what the trace must hold: poses, twists, geometry, forces, masses, joints, channel,
             gripper; touch: forces or, less well, geometry.
-        measure: the declared function. Takes a ``Request``, of a signal with ``support`` a
-            ``SupportRequest``; returns a (T,) series in SI, of a ``costly`` one (N,) at N frames.
+        measure: the declared function. Takes a ``Request``; returns a (T,) series in SI, of a
+            ``costly`` one (N,) at N frames.
         meaning: one sentence: the first paragraph of the function's docstring.
         optional: how many of the last arguments may be left out.
         since: may be taken relative to an event.
@@ -90,25 +90,21 @@ class Signal:
         joints: its arguments are joints, or bodies that have just one.
         named: its first argument is the value of this option, not a role.
         reads: see ``Reads``.
-        per_frame: its value at a frame depends on that frame alone.
         ahead: looks one frame ahead where no velocities were recorded; a note says where.
         sums: adds up what was: it can only go ``up`` or ``down`` by what happened unseen.
         symmetric: its two arguments may be exchanged.
         metric: a distance between states, which obeys the triangle inequality.
         capped: a distance that is exact only as far as a limit needs, and may be measured roughly.
         support: needs relations or the support graph.
-        by_motion: without forces it is measured from a whole motion, its end included.
         costly: clips polygons or solves statics: measured only at the frames that matter.
         exempt: whether a body has no such quantity, and is not judged by it.
-        refine: widens the measured series by what relations tell: ``(relations, bodies, series)`` →
-            the series.
     """
 
     name: str
     dimension: str
     args: tuple[str, ...]
     needs: tuple[str, ...]
-    measure: Callable[[Any], Series]
+    measure: Callable[[Any], Interval]
     meaning: str
     optional: int = 0
     since: bool = False
@@ -120,17 +116,14 @@ class Signal:
     joints: bool = False
     named: str = ""
     reads: Reads = "shape"
-    per_frame: bool = False
     ahead: bool = False
     sums: Literal["", "up", "down"] = ""
     symmetric: bool = False
     metric: bool = False
     capped: bool = False
     support: bool = False
-    by_motion: bool = False
     costly: bool = False
     exempt: Callable[[Body], bool] | None = None
-    refine: Callable[[Any, tuple[str, ...], Series], Series] | None = None
 
     @property
     def arities(self) -> tuple[int, ...]:
@@ -178,10 +171,6 @@ class Signal:
                 return float(value) if isinstance(value, float | int) else None
         return None
 
-    def looks_ahead(self) -> Option | None:
-        """The option that says how much time after a frame its value depends on, if there is one."""
-        return next((option for option in self.options if option.looks == "ahead"), None)
-
     def reads_of(self, given: Mapping[str, OptionValue]) -> Reads:
         """Quantities that the signal needs with these options."""
         differ = (o.reads_at(given[o.name]) for o in self.options if o.reads and o.name in given)
@@ -196,39 +185,22 @@ class Relation:
         name: as written in rules.
         args: names of its arguments.
         needs: as in ``Signal``.
-        decide: the declared function. Takes a ``RelationRequest``; returns (T,) bool, or None where
-            the trace does not tell.
+        decide: the declared function. Takes the ``Relations`` of an episode and names of bodies, of a
+            costly one the wanted frames (T,) too; returns an interval from 0 to 1.
         meaning: one sentence: the first paragraph of the function's docstring.
         groups: ``robot`` and ``gripper`` are allowed as arguments.
-        per_frame: its truth at a frame depends on the forces at that frame alone.
-        by_motion: without forces it is decided by a whole motion, its end included.
         costly: solves statics: decided only at the frames that matter.
         gate: says whether something else counts at all; takes no part in how close it came.
-        rests_on: what was not measured leaves it unknown of its own ``bodies``, of a ``chain`` of
-            support that leads anywhere, or of all touches in the ``past``; empty: it says itself what
-            it makes of that.
-        lacking: what the trace would need and does not have, if not just forces or shapes:
-            ``(relations, bodies)`` → text, empty if nothing.
-        without_forces: how it is decided without contact forces, if not like support:
-            ``(relations)`` → text.
-        doubt: where the recording leaves it open though nothing is missing: ``(relations, bodies,
-            wanted)`` → (T,) bool and why, or None.
     """
 
     name: str
     args: tuple[str, ...]
     needs: tuple[str, ...]
-    decide: Callable[[Any], Any]
+    decide: Callable[..., Interval]
     meaning: str
     groups: bool = False
-    per_frame: bool = False
-    by_motion: bool = False
     costly: bool = False
     gate: bool = False
-    rests_on: Literal["", "bodies", "chain", "past"] = "bodies"
-    lacking: Callable[[Any, tuple[str, ...]], str] | None = None
-    without_forces: Callable[[Any], str] | None = None
-    doubt: Callable[[Any, tuple[str, ...], Any], tuple[Any, str] | None] | None = None
 
     @property
     def arities(self) -> tuple[int, ...]:
@@ -245,10 +217,10 @@ RELATIONS: dict[str, Relation] = {}
 
 def signal(
     name: str, dimension: str, args: tuple[str, ...], needs: tuple[str, ...], **more: Any
-) -> Callable[[Callable[[Any], Series]], Callable[[Any], Series]]:
+) -> Callable[[Callable[[Any], Interval]], Callable[[Any], Interval]]:
     """Declare a signal by the function below; see ``Signal``. Raises ValueError for a taken name."""
 
-    def declare(measure: Callable[[Any], Series]) -> Callable[[Any], Series]:
+    def declare(measure: Callable[[Any], Interval]) -> Callable[[Any], Interval]:
         _add(SIGNALS, Signal(name, dimension, args, needs, measure, _meaning(measure), **more))
         return measure
 
@@ -257,10 +229,10 @@ def signal(
 
 def relation(
     name: str, args: tuple[str, ...], needs: tuple[str, ...], **more: Any
-) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
+) -> Callable[[Callable[..., Interval]], Callable[..., Interval]]:
     """Declare a relation by the function below; see ``Relation``."""
 
-    def declare(decide: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def declare(decide: Callable[..., Interval]) -> Callable[..., Interval]:
         _add(RELATIONS, Relation(name, args, needs, decide, _meaning(decide), **more))
         return decide
 

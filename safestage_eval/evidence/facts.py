@@ -18,11 +18,10 @@ from safestage_eval.geometry.shape import BodyShape
 from . import motion
 from .contact_sums import ContactSums
 from .declare import Options, OptionValue, Signal
+from .intervals import Interval, exact, unknown
 from .missing_values import Gaps
 from .reference import Baseline, Reference
-from .series import Series, exact, unknown
 from .settling import settled
-from .store import Store
 
 F64 = NDArray[np.float64]
 
@@ -73,21 +72,15 @@ class Facts:
         self,
         episode: Episode,
         baseline_frames: int = 5,
-        backend: str = "gjk",
-        store: Store | None = None,
     ) -> None:
         """Measure nothing yet.
 
         Args:
             episode: what is measured.
             baseline_frames: how many first frames estimate the initial state, at most.
-            backend: that measures clearances (``geometry.backend``).
-            store: that answers queries about the episode; a new one in memory if None.
         """
-        self.store = Store() if store is None else store
         self.gaps = Gaps(episode)
         self.episode = episode = self.gaps.episode
-        self.backend = backend
         first = episode.clock.together(0, baseline_frames)
         self.baseline = Baseline(first, asked=baseline_frames)
         self.movers = Movers(episode)
@@ -99,7 +92,7 @@ class Facts:
     @cached_property
     def contact_sums(self) -> ContactSums:
         """Forces summed per pair of bodies."""
-        return ContactSums(self.episode, self.gaps, self.store)
+        return ContactSums(self.episode, self.gaps)
 
     def com_position(self, name: str) -> F64:
         """(T, 3) m, centre of mass of a body, world."""
@@ -187,6 +180,8 @@ class Request(NamedTuple):
         deep: for clearances: depths of penetration are needed as well.
         slack: m, for clearances: how much wider the bounds may be.
         options: what the signal's definition adds.
+        relations: of the episode (``relations.Relations``), for a signal with ``support``.
+        at: (N,) the frames at which a ``costly`` signal is measured; all frames of any other.
     """
 
     facts: Facts
@@ -199,6 +194,8 @@ class Request(NamedTuple):
     deep: bool
     slack: float
     options: Options
+    relations: Any
+    at: NDArray[np.int64]
 
     @property
     def name(self) -> str:
@@ -222,6 +219,14 @@ class Request(NamedTuple):
         """The value of an option, None if it was not given."""
         return dict(self.options).get(name)
 
+    def number(self, name: str) -> float:
+        """The value of an option that is a number, or its default, in SI."""
+        value = self.option(name)
+        if not isinstance(value, float | int):
+            value = next(option.default for option in self.signal.options if option.name == name)
+        assert value is not None  # the option has a default
+        return float(value)
+
     @property
     def over(self) -> float | None:
         """S before each frame that the value depends on; None if it looks at no such time."""
@@ -235,27 +240,27 @@ class Request(NamedTuple):
             return self.episode.track(name).position.astype(np.float64)
         return self.facts.com_position(name)
 
-    def shapes(self) -> list[list[Mover]] | Series:
+    def shapes(self) -> list[list[Mover]] | Interval:
         """The bodies that have geometry, per argument; an unknown series where one has none."""
         movers = [self.facts.movers.of(group) for group in self.groups]
         bare = [" and ".join(g) for g, m in zip(self.groups, movers, strict=True) if not m]
         return self.unknown(f"the trace has no shape of {', '.join(bare)}") if bare else movers
 
-    def least(self, value: Series) -> Series:
+    def least(self, value: Interval) -> Interval:
         """A least value over the parts of unions, unknown from below where some have no shape."""
         unseen = [name for group in self.groups for name in self.facts.movers.unseen(group)]
         return open_below(value, unseen)
 
-    def exact(self, values: NDArray[Any], notes: tuple[str, ...] = ()) -> Series:
+    def exact(self, values: NDArray[Any], notes: tuple[str, ...] = ()) -> Interval:
         """A series that is known at every frame."""
         return exact(values, self.dimension, notes)
 
-    def unknown(self, why: str) -> Series:
-        """A series that is unknown at every frame, and why."""
-        return unknown(len(self.facts.episode), self.dimension, why)
+    def unknown(self, why: str) -> Interval:
+        """A series that is unknown at every frame that is measured, and why."""
+        return unknown(len(self.at), self.dimension, why)
 
 
-def open_below(value: Series, unseen: Sequence[str]) -> Series:
+def open_below(value: Interval, unseen: Sequence[str]) -> Interval:
     """A least distance, unknown from below because bodies without a shape may come closer."""
     if not unseen:
         return value
@@ -263,4 +268,6 @@ def open_below(value: Series, unseen: Sequence[str]) -> Series:
         f"the trace has no shape of {', '.join(unseen)}: it may come closer than the rest "
         "(a mere frame is recorded with mass 0)"
     )
-    return Series(np.full(len(value), -np.inf), value.upper, value.dimension, (*value.notes, note))
+    return Interval(
+        np.full(len(value), -np.inf), value.upper, value.dimension, (*value.notes, note)
+    )

@@ -13,13 +13,13 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from .series import Series
+from .intervals import Interval
 
 F64 = NDArray[np.float64]
 Ends = tuple[F64, F64]
 
 
-def combined(operation: str, operands: Sequence[Series]) -> Ends:
+def combined(operation: str, operands: Sequence[Interval]) -> Ends:
     """Lower and upper end (T,) of a pointwise operation; one array where all operands are exact.
 
     ``operation``: ``sum``, ``difference``, ``product``, ``quotient``, ``magnitude``, ``min``,
@@ -44,7 +44,7 @@ def combined(operation: str, operands: Sequence[Series]) -> Ends:
         return reduce(_OF_TWO[operation], ends)
 
 
-def change_per_second(of: Series, t: F64) -> Ends:
+def change_per_second(of: Interval, t: F64) -> Ends:
     """Ends (T,) of the change since the sample before, per second; the first as the second.
 
     A single sample tells of no change.
@@ -63,7 +63,7 @@ def change_per_second(of: Series, t: F64) -> Ends:
     return lower, np.append(upper[:1], upper)
 
 
-def change_within(of: Series, t: F64, before: float, after: float) -> Ends:
+def change_within(of: Interval, t: F64, before: float, after: float) -> Ends:
     """Ends (T,) of the mean change per second, from up to ``before`` s ahead of each to ``after`` s behind.
 
     At both ends of the recording the time is cut short there. It is not known where something
@@ -88,7 +88,7 @@ def change_within(of: Series, t: F64, before: float, after: float) -> Ends:
         return lower, np.where(open_, np.inf, (of.upper[last] - of.lower[first]) / seconds)
 
 
-def change_since(of: Series, since: NDArray[np.int64]) -> Ends:
+def change_since(of: Interval, since: NDArray[np.int64]) -> Ends:
     """Ends (T,) of the change since a frame (T,) each; since the first one where it is −1."""
     there = np.maximum(since, 0)
     now, then = (of.lower, of.upper), (of.lower[there], of.upper[there])
@@ -98,7 +98,7 @@ def change_since(of: Series, since: NDArray[np.int64]) -> Ends:
         return _known(lambda x, y: x - y, (now[0], then[1]), (now[1], then[0]))
 
 
-def summed_over_time(of: Series, t: F64) -> Ends:
+def summed_over_time(of: Interval, t: F64) -> Ends:
     """Ends (T,) of what it adds up to since the first sample, each value times the time before it."""
     seconds = np.diff(t, prepend=t[:1])
     low = _running(of.lower, seconds, -np.inf)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.gjk import PROMISED
 from safestage_eval.geometry.group_clearance import SLACK, Clearance, motion_bound
 
-from .declare import SIGNALS, Options, Signal
+from .declare import SIGNALS, Options
 from .facts import Facts, Request
-from .query import Growth, Kind, Query
+from .intervals import Interval
 from .reference import Reference
-from .series import Series, hidden, unknown
-from .store import Store
-from .unseen import gap_of, mask_unseen
+from .unseen import known_part
 
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
@@ -31,33 +30,22 @@ def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, 
     return max(reach, CAP), deep, SLACK if limits and not deep else 0.0
 
 
-def _growth(signal: Signal) -> Growth:
-    """How a signal changes when the episode grows."""
-    if signal.per_frame:
-        return Growth.PER_FRAME
-    return Growth.OPEN_END if signal.ahead else Growth.WHOLE
-
-
-def loose(found: Series, cap: float) -> Clearance:
+def loose(found: Interval, cap: float) -> Clearance:
     """The frames at which slack was taken: hardly ever any, and they do not change."""
     at = (found.upper - found.lower > PROMISED) & (found.lower < cap)
     return Clearance(found.lower[at], found.upper[at])
 
 
 class Signals(Facts):
-    """Signals of an episode by name and bodies, in SI, each a ``Series`` over all frames."""
+    """Signals of an episode by name and bodies, in SI, each an ``Interval`` over all frames."""
 
-    def __init__(
-        self,
-        episode: Episode,
-        baseline_frames: int = 5,
-        backend: str = "gjk",
-        store: Store | None = None,
-    ) -> None:
+    def __init__(self, episode: Episode, baseline_frames: int = 5) -> None:
         """Arguments as ``Facts``."""
-        super().__init__(episode, baseline_frames, backend, store)
+        super().__init__(episode, baseline_frames)
+        self.known: dict[Hashable, Any] = {}
+        """Measurements so far, by name, bodies and settings; relations are kept here, too."""
         # by identity: the series is kept beside what was found
-        self._slack: dict[int, tuple[Series, Clearance]] = {}
+        self._slack: dict[int, tuple[Interval, Clearance]] = {}
 
     def get(
         self,
@@ -67,7 +55,7 @@ class Signals(Facts):
         reach: float = CAP,
         options: Options = (),
         limits: Sequence[float] = (),
-    ) -> Series:
+    ) -> Interval:
         """One signal.
 
         Args:
@@ -90,7 +78,7 @@ class Signals(Facts):
             found = self.measured(name, tuple(bodies), reference, cap, deep, 0.0, options)
         return found
 
-    def _loose(self, found: Series, cap: float) -> Clearance:
+    def _loose(self, found: Interval, cap: float) -> Clearance:
         if id(found) not in self._slack:
             self._slack[id(found)] = found, loose(found, cap)
         return self._slack[id(found)][1]
@@ -103,13 +91,8 @@ class Signals(Facts):
         """
         if not SIGNALS[name].capped:
             return None
-        query = self.query("between frames", name, tuple(bodies), frame=frame)
-        found: float = self.store.value(query, lambda _: self._between(bodies, frame))
-        return found
-
-    def _between(self, bodies: Sequence[str], frame: int) -> float:
-        pairs = self.pairs_between(bodies)
         near = slice(max(frame - 1, 0), frame + 2)
+        pairs = self.pairs_between(bodies)
         bounds = [motion_bound(a.at(near), b.at(near)).max(initial=0.0) for a, b in pairs]
         return float(max(bounds, default=0.0)) / 2
 
@@ -122,34 +105,13 @@ class Signals(Facts):
         deep: bool,
         slack: float,
         options: Options,
-    ) -> Series:
-        """Measure once: ``cap``, ``deep`` and ``slack`` as in ``query.Query``."""
-
-        def measure(near: Any) -> Series:
-            signals: Signals = self if near is None else near.signals
-            return signals._measure(name, bodies, reference, cap, deep, slack, options)
-
-        since = reference.key if reference else ""
-        query = self.query("signal", name, bodies, since, cap, deep, slack, options)
-        return self.store.series(query, measure, _growth(SIGNALS[name]))
-
-    def query(
-        self,
-        kind: Kind,
-        name: str = "",
-        bodies: tuple[str, ...] = (),
-        since: str = "",
-        cap: float = 0.0,
-        deep: bool = False,
-        slack: float = 0.0,
-        options: Options = (),
-        frame: int = -1,
-    ) -> Query:
-        """A query about the episode, as it is measured here; arguments as in ``Query``."""
-        return Query(
-            kind, name, bodies, since, cap, deep, slack, options, frame, self.backend,
-            self.baseline.frames,
-        )  # fmt: skip
+    ) -> Interval:
+        """Measure once: ``cap``, ``deep`` and ``slack`` as in ``Request``."""
+        key = (name, bodies, reference.key if reference else "", cap, deep, slack, options)
+        if key not in self.known:
+            self.known[key] = self._measure(name, bodies, reference, cap, deep, slack, options)
+        found: Interval = self.known[key]
+        return found
 
     def _measure(
         self,
@@ -160,26 +122,32 @@ class Signals(Facts):
         deep: bool,
         slack: float,
         options: Options,
-    ) -> Series:
-        signal, frames = SIGNALS[name], len(self.episode)
-        dimension = signal.variant(dict(options)).dimension
-        groups = tuple((body,) if signal.joints else tuple(self.bodies(body)) for body in bodies)
-        missing = [body for body, group in zip(bodies, groups, strict=True) if not group]
+    ) -> Interval:
+        request = self.request(name, bodies, reference, cap, deep, slack, options)
+        pairs = zip(bodies, request.groups, strict=True)
+        missing = [body for body, group in pairs if not group]
         if missing:
-            return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
-        request = Request(
-            self, signal, dimension, bodies, groups, reference, cap, deep, slack, options
-        )
-        return self._without_gaps(mask_unseen(signal.measure(request), request), request)
+            return request.unknown(f"the trace has no {' and no '.join(missing)}")
+        return known_part(request.signal.measure(request), request)
 
-    def _without_gaps(self, found: Series, request: Request) -> Series:
-        """Return the series, unknown where a value that it is measured from was not recorded."""
-        lost = gap_of(request)
-        lower, upper = found.lower, found.upper
-        if np.isnan(lower).any() or np.isnan(upper).any():
-            nan = np.isnan(lower) | np.isnan(upper)
-            lost = nan if lost is None else lost | nan
-        if lost is None:
-            return found
-        note = f"{request.name}({', '.join(request.bodies)}) was not measured at every frame"
-        return hidden(found, lost, note)
+    def request(
+        self,
+        name: str,
+        bodies: tuple[str, ...],
+        reference: Reference | None,
+        cap: float = 0.0,
+        deep: bool = False,
+        slack: float = 0.0,
+        options: Options = (),
+        relations: Any = None,
+        at: NDArray[np.int64] | None = None,
+    ) -> Request:
+        """The request that a signal's function takes; arguments as in ``Request``, ``at`` None: all frames."""
+        signal = SIGNALS[name]
+        groups = tuple((body,) if signal.joints else tuple(self.bodies(body)) for body in bodies)
+        dimension = signal.variant(dict(options)).dimension
+        at = np.arange(len(self.episode)) if at is None else at
+        return Request(
+            self, signal, dimension, bodies, groups, reference, cap, deep, slack, options,
+            relations, at,
+        )  # fmt: skip

@@ -2,23 +2,28 @@
 
 Missing are: a body's pose or velocity where it is NaN; everything at the frames of
 ``Episode.unseen``; the force of a pair of bodies where a contact of theirs holds NaN, a normal that
-is not of unit length, or a force that pulls. Signals are computed from the cleaned episode, in which
+is not of unit length, or a force that pulls; its peak there, and where the peak is NaN. Signals are computed from the cleaned episode, in which
 the last measured value stands in a gap, and are then made unknown there (``Signals``,
 ``Relations``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import ContactTable, Episode, Track
+from safestage_eval.episode import Body, ContactTable, Episode, Track
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.episode.header import SKETCH
 from safestage_eval.episode.invariants import all_finite
+from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
+from safestage_eval.geometry.pose import transform
+
+from .unexplained_motion import Path, unexplained_motion
 
 Bool = NDArray[np.bool_]
 
@@ -36,10 +41,10 @@ class Gaps:
         self.given = episode
         self.frames = len(episode)
         self._tracks: dict[str, dict[str, Bool | None]] = {}
-        self._pairs: dict[Pair, Bool] = {}
-        self._why: dict[Pair, str] = {}
-        self.read: set[Pair] = set()
-        """Pairs of which forces or normals were read."""
+        self._forces: dict[Pair, tuple[Bool, str]] = {}
+        self._peaks: dict[Pair, tuple[Bool, str]] = {}
+        self.unrecorded: dict[int, str] = {}
+        """Body (index) → sentence on the touch that set it in motion and was not recorded."""
         self.asked: dict[Pair, set[str]] = {}
         """Pair → columns of its contacts that were read."""
         self.whole = True
@@ -51,62 +56,47 @@ class Gaps:
         """The episode, with the last measured value in place of NaN; columns are loaded as before."""
         given, clean = self.given, object.__new__(type(self.given))
         vars(clean).update(vars(given))
-        vars(clean)["tracks"] = _CleanTracks(given.tracks, self._clean)
+        vars(clean)["tracks"] = StoredItems(given.tracks, self._track)
         vars(clean)["_contacts"] = lambda: _CleanContacts(given.contacts, self)
         vars(clean).pop("contacts", None)
         return clean
 
     # ---- tracks
 
+    def _track(self, body: str) -> Track:
+        """A track of which each column is loaded and cleaned when it is first asked for."""
+        given = self.given.tracks[body]
+        return StoredTrack(
+            lambda columns: {c: self._clean(body, c, getattr(given, c)) for c in columns}
+        )
+
     def _clean(self, body: str, column: str, values: NDArray[np.float32]) -> NDArray[Any]:
         """A column as it is used, after noting where it was not measured."""
-        known = self._tracks.setdefault(body, {})
-        if all_finite(values):
-            known[column] = None
-            return values
-        lost: Bool = ~np.asarray(np.isfinite(values).all(axis=1))
-        if not lost.any():
-            known[column] = None
-            return values
-        if lost.all() and column in TWIST:  # never recorded: derived from poses, like zeros
-            known[column] = None
-            return np.zeros_like(values)
-        known[column] = lost
-        return filled(values, lost)
+        lost = None if all_finite(values) else np.asarray(~np.isfinite(values).all(axis=1))
+        if (
+            lost is not None and lost.all() and column in TWIST
+        ):  # never recorded: derived from poses
+            lost, values = None, np.zeros_like(values)
+        self._tracks.setdefault(body, {})[column] = lost
+        return values if lost is None else filled(values, lost)
 
-    def of_body(self, body: str, columns: Iterable[str]) -> Bool | None:
+    def of_body(self, body: str, columns: Iterable[str] = POSE) -> Bool | None:
         """(T,) true where one of these columns of a body was not measured; None if nowhere."""
-        found = None
+        known = self._tracks.setdefault(body, {})
         for column in columns:
-            known = self._tracks.get(body, {})
             if column not in known:
                 getattr(self.episode.tracks[body], column)
-                known = self._tracks[body]
-            lost = known[column]
-            if lost is not None:
-                lost = np.broadcast_to(lost, self.frames)
-                found = lost if found is None else found | lost
-        return found
+        lost = either(*(known[column] for column in columns))
+        return None if lost is None else np.broadcast_to(lost, self.frames)
 
-    def of_bodies(self, bodies: Iterable[str], columns: Iterable[str] = POSE) -> Bool | None:
-        """Gaps of several bodies, and frames without any record."""
-        found, columns = self.unseen, tuple(columns)
-        for body in bodies:
-            lost = self.of_body(body, columns)
-            if lost is not None:
-                found = lost if found is None else found | lost
-        return found
-
-    def of_loaded(self) -> Bool | None:
-        """(T,) true where a pose that was looked at so far was not measured; None if nowhere."""
-        found = self.unseen
-        for known in self._tracks.values():
-            for column in POSE:
-                lost = known.get(column)
-                if lost is not None:
-                    lost = np.broadcast_to(lost, self.frames)
-                    found = lost if found is None else found | lost
-        return found
+    def of_bodies(
+        self, bodies: Iterable[str], columns: Iterable[str] = POSE, *, unseen: bool = True
+    ) -> Bool | None:
+        """Gaps of several bodies, and frames without any record unless ``unseen`` is false."""
+        columns = tuple(columns)
+        return either(
+            self.unseen if unseen else None, *(self.of_body(body, columns) for body in bodies)
+        )
 
     def knows(self, body: str, column: str | None = None) -> bool:
         """Whether a column of a body's track was looked at; or any."""
@@ -115,53 +105,115 @@ class Gaps:
 
     # ---- contacts
 
-    def mark(self, pair: Pair, frames: NDArray[np.integer], why: str) -> None:
-        """Note that the force between two bodies (indices) is not known at some frames."""
-        lost = self._pairs.setdefault(pair, np.zeros(self.frames, np.bool_))
+    def mark(
+        self, pair: Pair, frames: NDArray[np.integer], why: str, *, peak: bool = False
+    ) -> None:
+        """Note that the force between two bodies (indices), or its peak, is not known at some frames."""
+        known = self._peaks if peak else self._forces
+        lost, _ = known.setdefault(pair, (np.zeros(self.frames, np.bool_), why))
         lost[frames] = True
-        self._why.setdefault(pair, why)
 
     def of_pair(self, i: int, j: int) -> Bool | None:
         """(T,) true where their force is not known, of what was read so far; None if nowhere."""
-        lost = self._pairs.get((min(i, j), max(i, j)))
-        if lost is None or self.unseen is None:
-            return self.unseen if lost is None else lost
-        return lost | self.unseen
+        return self.of_pairs([(i, j)])
 
-    def of_pairs(self, pairs: Iterable[Pair]) -> Bool | None:
-        """Gaps of several pairs."""
-        found = self.unseen
-        for pair in pairs:
-            lost = self._pairs.get((min(pair), max(pair)))
-            if lost is not None:
-                found = lost if found is None else found | lost
-        return found
+    def of_pairs(self, pairs: Iterable[Pair], *, peaks: bool = False) -> Bool | None:
+        """Gaps of several pairs, and frames without any record; ``peaks``: of their peaks as well."""
+        keys = [(min(pair), max(pair)) for pair in pairs]
+        found = either(self.unseen, *(self._forces[key][0] for key in keys if key in self._forces))
+        return either(found, *(self._peaks[k][0] for k in keys if peaks and k in self._peaks))
+
+    def of_peak(self, i: int, j: int) -> Bool | None:
+        """(T,) true where their peak is NaN, of what was read so far; None if nowhere."""
+        lost = self._peaks.get((min(i, j), max(i, j)))
+        return None if lost is None else lost[0]
 
     @property
-    def pairs(self) -> list[Pair]:
-        """Pairs that are known to have frames at which their force is unknown."""
-        return list(self._pairs)
+    def of_contacts(self) -> bool:
+        """Some force or peak is known to be missing, of what was read so far."""
+        return bool(self._forces or self._peaks)
 
-    def told(self, pairs: Iterable[Pair]) -> tuple[str, ...]:
-        """A note on each of the pairs that has such frames."""
-        names = [body.name for body in self.given.header.bodies]
-        found = []
+    def in_doubt(self, pair: Pair, column: str) -> bool:
+        """A column of the contacts of one of two bodies (indices) contradicts others."""
+        bodies = self.given.header.bodies
+        return any((bodies[i].name, column) in self.given.doubtful for i in pair)
+
+    def told(self, pairs: Iterable[Pair], *, peaks: bool = False) -> tuple[str, ...]:
+        """A note on each of the pairs that has such frames; ``peaks``: of their peaks as well."""
+        names, found = [body.name for body in self.given.header.bodies], []
         for pair in dict.fromkeys((min(pair), max(pair)) for pair in pairs):
-            lost = self._pairs.get(pair)
-            if lost is not None:
-                at, many = int(lost.argmax()), int(lost.sum())
-                found.append(
-                    f"the force between {names[pair[0]]} and {names[pair[1]]} is not known in "
-                    f"{many} frames from {self.given.t[at]:.3f} s on: {self._why[pair]}"
-                )
-        return tuple(found)
+            for what, known in (("force", self._forces), ("peak force", self._peaks))[: 1 + peaks]:
+                if pair not in known:
+                    continue
+                lost, why = known[pair]
+                if why not in self.unrecorded.values():
+                    at, many = int(lost.argmax()), int(lost.sum())
+                    why = (
+                        f"the {what} between {names[pair[0]]} and {names[pair[1]]} is not known in "
+                        f"{many} frames from {self.given.t[at]:.3f} s on: {why}"
+                    )
+                found.append(why)
+        return tuple(dict.fromkeys(found))
+
+    def unexplained(self) -> dict[int, int]:
+        """Body (index) → frame after which a touch that was not recorded set it in motion.
+
+        Read past the clean episode: what a verdict rests on is not widened by it. A part of an episode,
+        and one that was drawn or has no forces, tell nothing of it.
+        """
+        episode, contacts = self.given, self.given.contacts
+        if not self.whole or episode.header.source.recorder == SKETCH or not self.forces:
+            return {}
+        paths = {
+            i: self._path(body)
+            for i, body in enumerate(episode.header.bodies)
+            if body.movable
+            and body.kind in ("object", "fixture")
+            and len(episode.track(body.name)) > 1
+        }
+        found = unexplained_motion(
+            episode.t, paths, contacts.pairs, lambda pair: contacts.of_pair(pair, "frame")[0],
+            episode.header.bodies,
+        )  # fmt: skip
+        return dict(found)
+
+    def _path(self, body: Body) -> Path:
+        track = self.given.track(body.name)
+        lost = np.zeros(self.frames, np.bool_) if self.unseen is None else self.unseen
+        place, turn = track.position, track.orientation
+        for column in (place, turn):
+            if not all_finite(column):
+                lost = lost | ~np.isfinite(column).all(axis=1)
+        place, turn = (
+            (filled(column, lost) for column in (place, turn)) if lost.any() else (place, turn)
+        )
+        return Path(
+            transform(place, turn, np.asarray(body.com)) if any(body.com) else place, turn, lost
+        )
+
+    def mark_unexplained(self, moved: Mapping[int, int]) -> list[Pair]:
+        """Mark all that may have touched these bodies (as ``unexplained``) from then on; the pairs."""
+        bodies, found = self.given.header.bodies, []
+        for i, frame in moved.items():
+            name, since = bodies[i].name, float(self.given.t[frame])
+            self.unrecorded[i] = (
+                f"{name} lay still and moved from {since:.2f} s on, though nothing that moves touched "
+                "it: what touched it was not recorded"
+            )
+            for j, other in enumerate(bodies):
+                if j != i and other.movable and other.kind != "region":
+                    pair = (min(i, j), max(i, j))
+                    self.mark(pair, np.arange(frame + 1, self.frames), self.unrecorded[i])
+                    found.append(pair)
+        return found
 
     @cached_property
     def forces(self) -> bool:
         """Contact forces were recorded.
 
         Not where the header says so and all of them are zero, though a free body stays in its place
-        against gravity; or may have, where that is too short or too coarse to tell.
+        against gravity; or may have, where that is too short or too coarse to tell and no peak shows a
+        touch. Peaks beside them are no forces.
         """
         episode = self.episode
         if episode.header.force_source == "none":
@@ -177,11 +229,13 @@ class Gaps:
         pairs = sorted(contacts.pairs, key=lambda pair: not (pair[0] in free or pair[1] in free))
         for pair in pairs:
             (force,) = contacts.of_pair(pair, "force.z")
-            if force.any() or pair in self._pairs:
+            if force.any() or pair in self._forces:
                 return True
         for pair in pairs:
-            if any(values.any() for values in contacts.of_pair(pair, "force", "peak_force")):
+            if contacts.of_pair(pair, "force")[0].any():
                 return True
+        if any(contacts.of_pair(pair, "peak_force")[0].any() for pair in pairs):
+            return not any(self._stays(i) for i in free)
         if pairs and episode.clock.coarse.any():
             return False
         return all(self._stays(i) is False for i in free)
@@ -215,6 +269,15 @@ class Gaps:
         return "the trace has no contact forces: all are zero, though bodies rest on others"
 
 
+def either(*masks: Bool | None) -> Bool | None:
+    """(T,) where one of several masks is true; None, which is true nowhere, where all are."""
+    out: Bool | None = None
+    for mask in masks:
+        if mask is not None:
+            out = mask if out is None else out | mask
+    return out
+
+
 def filled(values: NDArray[Any], lost: Bool) -> NDArray[Any]:
     """(T, k) values with the last measured row in place of lost ones; the first one at the start."""
     if lost.all():
@@ -234,68 +297,11 @@ def around(lost: Bool) -> Bool:
     return found
 
 
-class _CleanTracks(Mapping[str, Track]):
-    """Tracks without NaN."""
-
-    def __init__(
-        self,
-        tracks: Mapping[str, Track],
-        clean: Callable[[str, str, NDArray[np.float32]], NDArray[Any]],
-    ) -> None:
-        self._tracks, self._clean = tracks, clean
-        self._known: dict[str, Track] = {}
-
-    def __getitem__(self, name: str) -> Track:
-        if name not in self._known:
-            track, clean = self._tracks[name], self._clean
-
-            def load(column: str) -> NDArray[Any]:
-                return clean(name, column, getattr(track, column))
-
-            self._known[name] = _CleanTrack(load)
-        return self._known[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._tracks)
-
-    def __len__(self) -> int:
-        return len(self._tracks)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._tracks
-
-
-class _CleanTrack(Track):
-    """A track of which each column is loaded and cleaned when it is first asked for."""
-
-    def __init__(self, load: Callable[[str], NDArray[Any]]) -> None:
-        object.__setattr__(self, "_load", load)
-
-    def __getattr__(self, name: str) -> Any:
-        """Reached only for columns that are not loaded yet."""
-        if name not in (*POSE, *TWIST):
-            raise AttributeError(name)
-        found = self.__dict__[name] = self.__dict__["_load"](name)
-        return found
-
-    def over(self, frames: int) -> Track:
-        """The track over so many frames; only what is looked at is read."""
-        if len(self) == frames:
-            return self
-        if len(self) != 1:
-            return super().over(frames)
-        return _CleanTrack(
-            lambda name: np.broadcast_to(
-                getattr(self, name), (frames, getattr(self, name).shape[1])
-            )
-        )
-
-
 class _CleanContacts(ContactTable):
     """Contacts pair by pair, with 0 in place of NaN; whole columns are as they were recorded."""
 
     def __init__(self, table: ContactTable, gaps: Gaps) -> None:
-        vars(self).update(_table=table, _gaps=gaps, _clean={}, _whole=set())
+        vars(self).update(_table=table, _gaps=gaps, _clean={})
 
     def __getattr__(self, name: str) -> Any:
         """Whole columns."""
@@ -320,25 +326,21 @@ class _CleanContacts(ContactTable):
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
         """Columns of a pair, with 0 in place of what is not finite; the gaps are marked."""
         table, gaps, clean = (vars(self)[name] for name in ("_table", "_gaps", "_clean"))
-        whole: set[tuple[Pair, str]] = vars(self)["_whole"]
-        found = list(table.of_pair(pair, *columns))
         gaps.asked.setdefault(pair, set()).update(columns)
-        if "normal" in columns or "force" in columns:
-            gaps.read.add(pair)
-        for i, values in enumerate(found):
-            if values.dtype.kind != "f" or (pair, columns[i]) in whole:
-                continue
-            known = clean.get((pair, columns[i]))
-            if known is not None:
-                found[i] = known
-                continue
-            if all_finite(values):
-                whole.add((pair, columns[i]))
-            else:
+        missing = [column for column in columns if (pair, column) not in clean]
+        for column, values in zip(missing, table.of_pair(pair, *missing), strict=True):
+            clean[pair, column] = values
+            if values.dtype.kind == "f" and not all_finite(values):
                 bad = ~np.isfinite(values)
-                rows = bad.reshape(len(values), -1).any(axis=1)
-                if rows.any() and not columns[i].startswith("depth"):
+                clean[pair, column] = np.where(bad, 0, values)
+                if column != "depth":
                     (frame,) = table.of_pair(pair, "frame")
-                    gaps.mark(pair, frame[rows], "a contact of theirs holds NaN")
-                found[i] = clean[pair, columns[i]] = np.where(bad, 0, values)
-        return tuple(found)
+                    frame, peak = (
+                        frame[bad.reshape(len(bad), -1).any(axis=1)],
+                        column == "peak_force",
+                    )
+                    why = "it is NaN" if peak else "a contact of theirs holds NaN"
+                    if gaps.in_doubt(pair, "peak_force" if peak else "contacts"):
+                        why = f"their {'peaks' if peak else 'contacts'} contradict other columns"
+                    gaps.mark(pair, frame, why, peak=peak)
+        return tuple(clean[pair, column] for column in columns)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .series import Series
+from .intervals import Interval
 
 Bool = NDArray[np.bool_]
 
@@ -38,7 +38,7 @@ class Partial:
         """The wanted frames (T,) that are still to be measured."""
         return np.flatnonzero(wanted & ~self.done)
 
-    def add(self, at: NDArray[np.int64], found: Series) -> None:
+    def add(self, at: NDArray[np.int64], found: Interval) -> None:
         """Measurements at N frames, with a note on those that are unknown, if any."""
         self.lower[at], self.upper[at] = found.lower, found.upper
         self.done[at] = True
@@ -47,7 +47,7 @@ class Partial:
             about = self.notes.setdefault(note, np.zeros(len(self.done), np.bool_))
             about[at[vague] if vague.any() else at] = True
 
-    def series(self, wanted: Bool, dimension: str) -> Series:
+    def series(self, wanted: Bool, dimension: str) -> Interval:
         """All that is known, with the notes about the wanted frames (T,)."""
         notes = tuple(note for note, about in self.notes.items() if (about & wanted).any())
-        return Series(self.lower, self.upper, dimension, notes)
+        return Interval(self.lower, self.upper, dimension, notes)

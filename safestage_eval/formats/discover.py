@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.episode import Episode, Header
-from safestage_eval.errors import TraceError
+from safestage_eval.errors import TraceError, visible
 
 from .episode_ref import EpisodeRef, Format
+from .header_limits import demand_text
 from .parquet import dataset_layout as layout
 from .remote_path import RemotePath, as_path, forget, walk
 from .trace_files import regular_status
@@ -196,7 +197,7 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
     if path.parent.parts[-2:] == ("meta", "episodes") and path.suffix == ".parquet":
         return _dataset_refs(path)
     problem = "neither an MCAP nor a dataset's file, nor a recorder's ZIP"
-    fix = "results of safestage score go to safestage aggregate, compare or report"
+    fix = "results of safestage score go to safestage report tables, compare or report"
     if magic.startswith(PARQUET_MAGIC):
         problem = "a Parquet file, but not one of meta/episodes"
         fix = f"give the folder that has meta/info.json; {fix}"
@@ -204,7 +205,9 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
         str(path),
         f"{problem}.",
         "an MCAP file, a ZIP file of safestage-record, a file of meta/episodes, or the dataset's folder",
-        fix if magic.startswith(PARQUET_MAGIC) or path.suffix in RESULTS else "",
+        fix
+        if magic.startswith(PARQUET_MAGIC) or path.suffix in RESULTS
+        else f"a recording of another format is imported first: safestage import {path} --to DATASET",
     )
 
 
@@ -246,17 +249,27 @@ def _dataset_refs(file: Path) -> list[EpisodeRef]:
         rows = read_rows(file, columns)
     except TraceError as problem:
         return [EpisodeRef(file, "parquet", problem=problem)]
-    return [
-        EpisodeRef(
-            file,
-            "parquet",
-            row.pop("episode_id"),
-            row.pop("episode_index"),
-            stored_in=row.pop("file"),
-            fields=row,
-        )
-        for row in rows
-    ]
+    return [_row_ref(file, row) for row in rows]
+
+
+def _row_ref(file: Path, row: dict[str, Any]) -> EpisodeRef:
+    """The episode of a row; one with names that are no text has a problem, and its names are escaped."""
+    problem = None
+    for name, value in row.items():
+        try:
+            demand_text(value, f"{file}, {name}")
+        except TraceError as error:
+            problem = problem or error
+            row[name] = visible(value)
+    return EpisodeRef(
+        file,
+        "parquet",
+        row.pop("episode_id"),
+        row.pop("episode_index"),
+        stored_in=row.pop("file"),
+        fields=row,
+        problem=problem,
+    )
 
 
 def _single(path: Path, beginning: bytes) -> Format | None:

@@ -46,17 +46,14 @@ class EpisodeRef:
         """The hash that the file states; ``validate`` compares it with the content."""
         return self.fields.get("content_hash")
 
-    def open(self, *, recover: bool = False, checked: bool = True, whole: bool = False) -> Episode:
-        """Open the episode; arguments as for ``load``. Raises TraceError when it is broken.
-
-        ``whole``: everything in it will be looked at, so that it may be read at once.
-        """
+    def open(self, *, recover: bool = False, checked: bool = True) -> Episode:
+        """Open the episode; arguments as for ``load``. Raises TraceError when it is broken."""
         if self.problem is not None and not (recover and self.format == "mcap"):
             raise self.problem
         with within_limits(self.shown):
-            return self._open(recover=recover, checked=checked, whole=whole)
+            return self._open(recover=recover, checked=checked)
 
-    def _open(self, *, recover: bool, checked: bool, whole: bool) -> Episode:
+    def _open(self, *, recover: bool, checked: bool) -> Episode:
         if self.format == "mcap":
             from .mcap.mcap_reader import read_mcap
 
@@ -68,4 +65,4 @@ class EpisodeRef:
         from .parquet.dataset_reader import open_episode
 
         assert self.episode_index is not None
-        return open_episode(self.path, self.episode_index, checked=checked, whole=whole)
+        return open_episode(self.path, self.episode_index, checked=checked)

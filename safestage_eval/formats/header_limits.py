@@ -1,13 +1,18 @@
-"""Headers compared with the limits: their texts before they are understood, their lists before bodies are made."""
+"""Headers of strangers: compared with the limits before they are understood, and understood."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
 
 from safestage_eval.episode import Header
+from safestage_eval.errors import TraceError, shortened
 from safestage_eval.size_limits import current
+
+Model = TypeVar("Model", bound=BaseModel)
 
 SHORT = 1 << 18
 """Characters of a text whose lists are counted only once they are understood: 20,000 bodies at most."""
@@ -20,6 +25,7 @@ def check_texts(texts: Mapping[str, Any], where: str) -> None:
     """
     limits = current()
     for name, text in texts.items():
+        demand_text(text, f"{where}, {name}")
         if not isinstance(text, str | bytes) or len(text) <= min(limits.text, SHORT):
             continue
         place = f"{where}, {name}"
@@ -30,6 +36,18 @@ def check_texts(texts: Mapping[str, Any], where: str) -> None:
             limits.demand("text", len(text), place)
             continue  # understanding it will say what is wrong
         check_data({name: data}, where)
+
+
+def demand_text(text: Any, where: str) -> None:
+    """Raises TraceError for a text that is no whole Unicode: others could neither store nor print it."""
+    if isinstance(text, str) and not text.isascii():
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise TraceError(
+                where, f'"{shortened(text, 80)}" is no text in UTF-8.', "whole characters of Unicode",
+                "write the name anew, or leave the episode out",
+            ) from None  # fmt: skip
 
 
 def check_data(data: Any, where: str) -> None:
@@ -56,3 +74,28 @@ def check_counts(header: Header, where: str) -> None:
     limits.demand("bodies", len(header.bodies), where)
     limits.demand("joints", len(header.joints), where)
     limits.demand("geoms", sum(len(body.geoms) for body in header.bodies), where)
+
+
+def validated(model: type[Model], data: Any, place: str) -> Model:
+    """Validate plain data as a record. Raises TraceError naming the first field that does not fit."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in first["loc"])
+        more = f" ({error.error_count()} problems in all)" if error.error_count() > 1 else ""
+        raise TraceError(
+            f"{place} {field}".rstrip(),
+            f"{first['msg'].removeprefix('Value error, ')}{more}.",
+            fix="see docs/traces.md",
+        ) from None
+
+
+def as_stored(header: Header) -> Header:
+    """The header as a file gives it back: 1 where a float stands is 1.0, and a NumPy number a plain one.
+
+    The same object where nothing changes. Raises TraceError for values that a header refuses.
+    """
+    place = f"{header.episode_id}, header field"
+    stored = validated(Header, header.model_dump(warnings=False), place)
+    return header if repr(stored) == repr(header) else stored

@@ -122,7 +122,7 @@ def _sound(ref: EpisodeRef) -> Episode:
         raise TraceError(
             ref.shown,
             "its content is not what its content_hash says: it was damaged or edited.",
-            fix="safestage validate says more; convert makes a copy with the right hash",
+            fix="safestage audit --files says more; convert makes a copy with the right hash",
         )
     return episode
 

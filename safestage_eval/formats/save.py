@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from safestage_eval.errors import TraceError
 from .discover import refs_of_file
 from .episode_ref import EpisodeRef, Format
 from .event import Event
+from .header_limits import as_stored
 
 LONGEST_NAME = 160
 """Bytes of a file's name without its ending; file systems hold 255."""
@@ -37,6 +39,9 @@ def save(
         TraceError: the episode breaks an invariant, or the path cannot be written to.
     """
     target = Path(path)
+    header = as_stored(episode.header)
+    if header is not episode.header:
+        episode = replace(episode, header=header)
     problems = check(episode)
     if problems:
         first = problems[0]

@@ -15,6 +15,7 @@ from safestage_eval.errors import TraceError
 
 from .contact_points import Contacts, GeomNames, contact_table, pack_contacts
 from .frame_buffers import ROBOT_COLUMNS, FrameBuffers, put
+from .header_limits import as_stored, validated
 
 if TYPE_CHECKING:
     from .episode_ref import EpisodeRef
@@ -210,7 +211,8 @@ class TraceWriter:
         """Set header fields that are known only now (``success``, ``success_time``, …).
 
         Raises:
-            TraceError: a field that headers do not have, or bodies and joints after a frame.
+            TraceError: a field that headers do not have, a value that they refuse, or bodies and joints
+                after a frame.
         """
         unknown = sorted(set(fields) - set(Header.model_fields))
         if unknown:
@@ -221,7 +223,8 @@ class TraceWriter:
             )
         if {"bodies", "joints"} & set(fields):
             self._before_frames("bodies and joints")
-        checked = Header.model_validate({"episode_id": "", "physics_dt": 1, "frame_dt": 1} | fields)
+        known = {"episode_id": "", "physics_dt": 1, "frame_dt": 1}
+        checked = validated(Header, known | fields, f"{self._where}, header field")
         self.header = self.header.model_copy(
             update={name: getattr(checked, name) for name in fields}
         )
@@ -316,6 +319,7 @@ class TraceWriter:
         channels: Mapping[tuple[str, str], float],
     ) -> None:
         """Lay out the buffers from the first frame."""
+        self.header = as_stored(self.header)
         self._names = GeomNames(self.header)
         self._movable = tuple(body.name for body in self.header.bodies if body.movable)
         if not isinstance(poses, np.ndarray):

@@ -45,7 +45,7 @@ def validate_episode(ref: EpisodeRef) -> list[TraceError]:
 
 def _problems(ref: EpisodeRef) -> list[TraceError]:
     try:
-        episode = ref.open(checked=False, whole=True)
+        episode = ref.open(checked=False)
         errors = check(episode)
         if not errors and ref.content_hash not in (None, episode.content_hash):
             errors.append(

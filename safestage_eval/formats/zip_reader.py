@@ -32,10 +32,10 @@ from safestage_eval.size_limits import current
 
 from .contact_points import POINT, GeomNames, contact_table
 from .frame_buffers import ROBOT_COLUMNS
-from .header_limits import check_counts, check_data
+from .header_limits import check_counts, check_data, validated
 from .lazy_columns import StoredTrack
 from .parquet.dataset_layout import check_version
-from .parquet.episode_row import mesh_keys, validated
+from .parquet.episode_row import mesh_keys
 
 FORMAT = "safestage-zip"
 HEADER = "safestage.json"

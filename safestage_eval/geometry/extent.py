@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from safestage_eval._process.compiled import allocating, helper
-
-from .arrays import owned
-from .mover import Motion, Mover, rotation_at
-from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
-from .support_function import support_point, support_value
+from .mover import Mover
+from .pose import matrix
+from .shape import CYLINDER, ELLIPSOID, HULL, PLANE, Solids
+from .support import support_values
 
 F64 = NDArray[np.float64]
 
@@ -31,9 +29,18 @@ def reach(mover: Mover, direction: ArrayLike) -> F64:
     norm = np.sqrt((d * d).sum(1, keepdims=True))
     if d.shape[1:] != (3,) or not (norm > 0).all():
         raise ValueError(f"directions of shape {d.shape} must be (3,) or (T, 3) and not zero")
-    out = np.full(max(len(mover), len(d)), -np.inf)
-    _reach(mover.shape.hulls, mover.motion, owned(d / norm), out)
-    return out
+    d = d / norm
+    local, which = _turned(mover, d)
+    best = np.full(len(local), -np.inf)
+    solids, centre = mover.shape.solids, mover.shape.centre
+    for g in range(len(solids.kind)):
+        own = _times(local, solids.rotation[g])
+        if solids.kind[g] == PLANE:
+            far = np.where(own[:, 2] > 1 - 1e-12, 0.0, np.inf)
+        else:
+            far = support_values(solids, np.full(len(own), g), own)
+        np.maximum(best, far + (local * (solids.offset[g] + centre)).sum(1), out=best)
+    return np.asarray((mover.position * d).sum(1) + best[which])
 
 
 def highest(mover: Mover) -> F64:
@@ -53,115 +60,53 @@ def farthest_point(mover: Mover, direction: ArrayLike) -> F64:
     NaN for a body without other geoms.
     """
     d = np.atleast_2d(np.asarray(direction, np.float64))
-    d = d / np.sqrt((d * d).sum(1, keepdims=True))
-    out = np.full((max(len(mover), len(d)), 3), np.nan)
-    _farthest(mover.shape.hulls, mover.motion, owned(d), out)
-    return out
+    local, which = _turned(mover, d / np.sqrt((d * d).sum(1, keepdims=True)))
+    best, point = np.full(len(local), -np.inf), np.full((len(local), 3), np.nan)
+    solids, centre = mover.shape.solids, mover.shape.centre
+    for g in np.flatnonzero(solids.kind != PLANE).tolist():
+        place = _face_middle(solids, g, _times(local, solids.rotation[g]))
+        place = _times(place, solids.rotation[g].T) + solids.offset[g] + centre
+        along = (place * local).sum(1)
+        point = np.where((along > best)[:, None], place, point)
+        best = np.maximum(best, along)
+    turn = matrix(mover.orientation)
+    return np.asarray(mover.position + (turn * point[which][:, None]).sum(-1))
 
 
-@helper
-def _to_geom(geoms: Packed, g: int, body: F64, out: F64) -> None:
-    """Direction (3,) in body axes, in the axes of geom g."""
-    for i in range(3):
-        out[i] = (
-            geoms.rotation[g, 0, i] * body[0]
-            + geoms.rotation[g, 1, i] * body[1]
-            + geoms.rotation[g, 2, i] * body[2]
-        )
+def _turned(mover: Mover, direction: F64) -> tuple[F64, NDArray[np.int64]]:
+    """(N, 3) unit directions in the body's axes, and which of them each frame (T,) has.
 
-
-@helper
-def _to_body(rotation: F64, direction: F64, row: int, out: F64) -> None:
-    """Row of directions (N, 3), world, in the axes of a body with this rotation."""
-    for i in range(3):
-        out[i] = (
-            rotation[0, i] * direction[row, 0]
-            + rotation[1, i] * direction[row, 1]
-            + rotation[2, i] * direction[row, 2]
-        )
-
-
-@allocating
-def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
-    rotation, body, local, point = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
-    best = -np.inf
-    for t in range(out.shape[0]):
-        s, row = min(t, last), min(t, last_direction)
-        turned = t in (0, row)
-        for i in range(4):
-            turned |= motion.orientation[s, i] != motion.orientation[max(s, 1) - 1, i]
-        if turned:  # what rests keeps its turn to the bit
-            rotation_at(motion.orientation, s, rotation)
-            _to_body(rotation, direction, row, body)
-            best = -np.inf
-            for g in range(geoms.kind.shape[0]):
-                _to_geom(geoms, g, body, local)
-                value = support_value(geoms, g, local[0], local[1], local[2], point)
-                for i in range(3):
-                    value += body[i] * geoms.offset[g, i]
-                best = max(best, value)
-        out[t] = best
-        for i in range(3):
-            out[t] += motion.centre[s, i] * direction[row, i]
-
-
-@helper
-def _face_middle(geoms: Packed, g: int, d: F64, box: F64, out: F64) -> None:
-    """Like ``support_point``, margin included, but the middle of a face that looks along d (3,).
-
-    ``box`` (2, 3) is scratch.
+    What rests keeps its turn to the bit, and shares one.
     """
-    support_point(geoms, g, d[0], d[1], d[2], out)
-    kind = geoms.kind[g]
-    if kind in (BOX, SEGMENT):
-        for i in range(3):
-            if abs(d[i]) < FLAT:
-                out[i] = 0.0
-    elif kind == CYLINDER:
-        if d[0] * d[0] + d[1] * d[1] < FLAT * FLAT:
-            out[0], out[1] = 0.0, 0.0
-        if abs(d[2]) < FLAT:
-            out[2] = 0.0
-    elif kind == HULL:
-        best = out[0] * d[0] + out[1] * d[1] + out[2] * d[2]
-        for i in range(3):
-            box[0, i], box[1, i] = np.inf, -np.inf
-        for v in range(geoms.first[g], geoms.first[g] + geoms.points[g]):
-            p = geoms.vertices[v]
-            if p[0] * d[0] + p[1] * d[1] + p[2] * d[2] >= best - FLAT * geoms.radius[g]:
-                for i in range(3):
-                    box[0, i], box[1, i] = min(box[0, i], p[i]), max(box[1, i], p[i])
-        for i in range(3):
-            out[i] = (box[0, i] + box[1, i]) / 2
-    for i in range(3):
-        out[i] += geoms.margin[g] * d[i]
+    many = max(len(mover), len(direction))
+    turn = np.broadcast_to(mover.orientation, (many, 4))
+    new = np.ones(many, np.bool_)
+    new[1:] = (turn[1:] != turn[:-1]).any(1)
+    if len(direction) > 1:
+        new[1:] |= (direction[1:] != direction[:-1]).any(1)
+    at = np.flatnonzero(new)
+    d = np.broadcast_to(direction, (many, 3))[at]
+    return (matrix(turn[at]) * d[:, :, None]).sum(1), np.cumsum(new) - 1
 
 
-@allocating
-def _farthest(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
-    rotation, body, local = np.empty((3, 3)), np.empty(3), np.empty(3)
-    point, place, box = np.empty(3), np.empty(3), np.empty((2, 3))
-    last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
-    for t in range(out.shape[0]):
-        s, row = min(t, last), min(t, last_direction)
-        rotation_at(motion.orientation, s, rotation)
-        _to_body(rotation, direction, row, body)
-        best = -np.inf
-        for g in range(geoms.kind.shape[0]):
-            if geoms.kind[g] == PLANE:
-                continue
-            _to_geom(geoms, g, body, local)
-            _face_middle(geoms, g, local, box, point)
-            value = 0.0
-            for i in range(3):
-                place[i] = geoms.offset[g, i]
-                for j in range(3):
-                    place[i] += geoms.rotation[g, i, j] * point[j]
-                value += body[i] * place[i]
-            if value > best:
-                best = value
-                for i in range(3):
-                    out[t, i] = motion.centre[s, i]
-                    for j in range(3):
-                        out[t, i] += rotation[i, j] * place[j]
+def _times(vectors: F64, matrix: F64) -> F64:
+    """(N, 3) products, each the same to the bit whatever the others are."""
+    return np.asarray(np.einsum("nk,kj->nj", vectors, matrix))
+
+
+def _face_middle(solids: Solids, g: int, d: F64) -> F64:
+    """(N, 3) of geom g, in its axes: its farthest point along d (N, 3), or a face's middle."""
+    kind, size, radius = solids.kind[g], solids.size[g], solids.radius[g]
+    if kind == HULL:
+        vertices, out = solids.corners[g].points, np.empty((len(d), 3))
+        along = d @ vertices.T
+        for row, near in enumerate(along >= along.max(1, keepdims=True) - FLAT * radius):
+            out[row] = (vertices[near].min(0) + vertices[near].max(0)) / 2
+        return out
+    if kind == ELLIPSOID:
+        return np.asarray(size**2 * d / np.sqrt(((size * d) ** 2).sum(1, keepdims=True)))
+    out = np.where(np.abs(d) < FLAT, 0.0, np.where(d < 0, -size, size))
+    if kind == CYLINDER:
+        radial = np.hypot(d[:, :1], d[:, 1:2])
+        out[:, :2] = np.where(radial < FLAT, 0.0, size[0] * d[:, :2] / np.maximum(radial, FLAT))
+    return np.asarray(out + solids.margin[g] * d)

@@ -1,8 +1,9 @@
 """Certified distance between groups of moving bodies: every answer is an interval that holds it.
 
-For convex geoms that are apart by more than 10 µm the interval is at most 1e-9 m wide (gjk.py).
-Positive: apart. Zero or negative: touching or penetrating. What the pruning in pair_sweep.py leaves
-out never changes an answer.
+For convex geoms that are apart by more than 10 µm the interval is at most 1e-9 m wide (gjk.py), for
+nonconvex meshes as wide as surface.py says. Positive: apart. Zero or negative: touching or
+penetrating. A frame or a pair of geoms is left out only when balls and boxes around them, or what is
+nearer, prove that its distance cannot matter.
 """
 
 from __future__ import annotations
@@ -10,20 +11,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .backend import foreign_pairs
-from .extent import reach
-from .gjk import PROMISED
-from .mover import BLOCK, Mover, frame_count
-from .pair_sweep import Query, Side, block_bounds, sweep
+from .gjk import PROMISED, Pairs, distances
+from .mover import Mover, frame_count
 from .pose import matrix
-from .shape import PLANE, Packed, chosen, triangles
-from .surface import SurfacePair, encloses
+from .shape import stacked
+from .surface import surface_distance
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 SLACK = 1e-5
 """m, the recommended slack: bodies at rest tremble by less, and no limit is meant more finely.
@@ -56,7 +56,6 @@ def clearance_series(
     slack: float = 0.0,
     flat: bool = False,
     deep: bool = False,
-    backend: str = "gjk",
 ) -> Clearance:
     """Least signed distance, per frame, between any body of a and any body of b.
 
@@ -69,8 +68,6 @@ def clearance_series(
             by what they did move, at most by this. Makes trembling at rest cheap; 0 for none.
         flat: measure the distance of the projections onto the horizontal plane.
         deep: measure how deep bodies penetrate, not only that they do.
-        backend: whose distances: our own, or for comparison those of another library, as it tells
-            them (backend.py). ``flat`` ones are always our own.
 
     Returns:
         (T,) bounds. Where bodies penetrate, the signed distance is minus the depth of the deepest
@@ -79,12 +76,9 @@ def clearance_series(
 
     Raises:
         ValueError: two bodies' lengths contradict each other.
-        InputError: a backend that does not exist, or is not installed.
     """
     frames = frame_count(*a, *b)
-    return clearance_pairs(
-        product(a, b), frames, cap, slack=slack, flat=flat, deep=deep, backend=backend
-    )
+    return clearance_pairs(product(a, b), frames, cap, slack=slack, flat=flat, deep=deep)
 
 
 def clearance_pairs(
@@ -95,26 +89,26 @@ def clearance_pairs(
     slack: float = 0.0,
     flat: bool = False,
     deep: bool = False,
-    backend: str = "gjk",
 ) -> Clearance:
     """Like ``clearance_series``, over chosen pairs of bodies (a robot's own links, say); T = frames."""
-    if backend != "gjk" and not flat:
-        return _foreign(list(pairs), frames, cap, backend)
-    query = Query(float(cap), float(slack), flat, deep)
-    bounds = _unbounded(frames, query)
+    bounds = Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+    near = []
     for a, b in pairs:
-        if a is b:
+        if a is b or not (len(a.shape) and len(b.shape)):
             continue
+        if frame_count(a, b) not in (1, frames):
+            raise ValueError(f"movers of {frame_count(a, b)} frames among {frames}")
+        rows = _near_frames(a, b, cap, flat)
+        if len(rows) and len(a) == len(b) == 1:
+            rows = np.arange(frames)
         if a.shape.surfaces or b.shape.surfaces:
-            apart = _with_surfaces(a, b, query)
-        elif frame_count(a, b) == frames:
-            _merge(a, b, a.shape.solids, b.shape.solids, query, bounds)
-            continue
-        else:  # neither ever moves
-            apart = _unbounded(1, query)
-            _merge(a, b, a.shape.solids, b.shape.solids, query, apart)
-        np.minimum(bounds.lower, apart.lower, out=bounds.lower)
-        np.minimum(bounds.upper, apart.upper, out=bounds.upper)
+            apart = surface_distance(a, b, rows, cap, flat=flat)
+            bounds.lower[rows] = np.minimum(bounds.lower[rows], apart[0])
+            bounds.upper[rows] = np.minimum(bounds.upper[rows], apart[1])
+        elif len(rows):
+            near.append(_NearPair.of(a, b, rows, slack))
+    if near:
+        _measure(near, bounds, cap, slack, flat=flat, deep=deep)
     return bounds
 
 
@@ -134,115 +128,169 @@ def motion_bound(a: Mover, b: Mover | None = None) -> F64:
     return bound
 
 
-def _foreign(pairs: list[tuple[Mover, Mover]], frames: int, cap: float, backend: str) -> Clearance:
-    """(T,) as another library tells it; planes by their closed form where it takes none."""
-    bounds = Clearance(*foreign_pairs(pairs, frames, cap, backend))
-    for a, b in pairs if backend == "fcl" else []:
-        for first, second in ((a, b), (b, a)):
-            planes = first.shape.hulls.kind == PLANE
-            if a is not b and planes.any():
-                A, B = chosen(first.shape.hulls, planes), second.shape.hulls
-                _merge(first, second, A, B, Query(float(cap), 0.0, False, False), bounds)
-    return bounds
+def _near_frames(a: Mover, b: Mover, cap: float, flat: bool) -> I64:
+    """The frames at which balls and world-aligned boxes around two bodies are nearer than the cap."""
+    turns = a.turn, b.turn  # raises where one is no rotation
+    rows = np.arange(max(len(a), len(b)))
+    if not np.isfinite(a.shape.radius + b.shape.radius):
+        return rows
+    gap = b.centre - a.centre
+    if flat:
+        gap[:, 2] = 0.0
+    rows = np.flatnonzero((gap * gap).sum(1) < max(cap + a.shape.radius + b.shape.radius, 0.0) ** 2)
+    side = np.abs(gap[rows])
+    for mover, turn in zip((a, b), turns, strict=True):
+        side -= np.abs(matrix(turn[mover.rows(rows)])) @ mover.shape.half
+    if flat:
+        side[:, 2] = 0.0
+    apart = np.sqrt((np.maximum(side, 0.0) ** 2).sum(1))
+    # overlapping boxes say nothing about how deep a penetration is
+    return np.asarray(rows[(apart < cap) | (apart == 0)])
 
 
-def _unbounded(frames: int, query: Query) -> Clearance:
-    """(T,) bounds before anything is measured."""
-    return Clearance(np.full(frames, query.cap), np.full(frames, np.inf))
+WINDOWS = (512, 64, 8)
+"""Frames, of which those where bodies are almost as in the first share its distance."""
 
 
-def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:
-    """(K,) m: lower bound on the distance of two bodies within each block of frames."""
-    bounds = np.empty(-(-frame_count(a, b) // BLOCK))
-    block_bounds(a.motion, b.motion, float(a.shape.radius + b.shape.radius), flat, bounds)
-    return bounds
+class _NearPair(NamedTuple):
+    """Two bodies at the frames at which they may be near.
 
-
-def _merge(a: Mover, b: Mover, A: Packed, B: Packed, query: Query, bounds: Clearance) -> None:
-    """Merge the distance of geoms A of a and B of b into the bounds, (T,)."""
-    near = _block_bounds(a, b, query.flat) < query.cap
-    if near.any() and len(A.kind) and len(B.kind):
-        one, other = (Side(g, m.motion, float(m.shape.radius)) for g, m in ((A, a), (B, b)))
-        sweep(one, other, query, np.flatnonzero(near), bounds.lower, bounds.upper)
-
-
-def _with_surfaces(a: Mover, b: Mover, query: Query) -> Clearance:
-    """(T,) bounds for two bodies of which at least one has a nonconvex mesh.
-
-    Triangles against convex geoms by GJK, against triangles by python-fcl (flat: by GJK). A mesh
-    is solid: what lies within it penetrates it. Where bodies penetrate, the lower bound is minus
-    the overlap of their bounding boxes.
+    Attributes:
+        a, b: the bodies.
+        rows: (N,) the frames, and ``which`` (N,) of the leaders stands for each.
+        leaders: (K,) frames to measure.
+        moved: (N,) m, how much the distance differs at most from the leader's.
     """
-    frames = frame_count(a, b)
-    bounds = _unbounded(frames, query)
-    faces_a, faces_b = ([triangles(s) for s in m.shape.surfaces] for m in (a, b))
-    jobs = [(a.shape.solids, b.shape.solids)]
-    jobs += [(a.shape.solids, face) for face in faces_b]
-    jobs += [(face, b.shape.solids) for face in faces_a]
-    if query.flat:
-        jobs += list(product(faces_a, faces_b))
-    for A, B in jobs:
-        _merge(a, b, A, B, query, bounds)
-    if not query.flat:
-        _mesh_distance(a, b, query.cap, bounds)
-        within = _contained(a, b, frames) | _contained(b, a, frames)
-        bounds.upper[within] = np.minimum(bounds.upper[within], 0.0)
-    meets = bounds.upper <= 0
-    if meets.any():
-        rows = np.flatnonzero(meets)
-        bounds.lower[rows] = -_box_overlap(a.at(rows), b.at(rows), query.flat)
-    return bounds
+
+    a: Mover
+    b: Mover
+    rows: I64
+    which: I64
+    leaders: I64
+    moved: F64
+
+    @classmethod
+    def of(cls, a: Mover, b: Mover, rows: I64, slack: float) -> _NearPair:
+        """Let frames share a leader where neither body has moved by more than the slack together."""
+        every = np.arange(len(rows))
+        first, moved = every.copy(), np.zeros(len(rows))
+        if len(a) == len(b) == 1:
+            first[:] = 0
+        else:
+            for window in WINDOWS:
+                head = every // window * window
+                alone = np.flatnonzero((first == every) & (first[head] == head) & (head != every))
+                here, there = rows[alone], rows[head[alone]]
+                way = a.chord(a.rows(here), a.rows(there)) + b.chord(b.rows(here), b.rows(there))
+                near = way <= slack
+                first[alone[near]], moved[alone[near]] = head[alone[near]], way[near]
+        leaders, which = np.unique(first, return_inverse=True)
+        return cls(a, b, rows, which, rows[leaders], moved)
 
 
-def _mesh_distance(a: Mover, b: Mover, cap: float, bounds: Clearance) -> None:
-    """Merge the distances of a's meshes to b's into the bounds, skipping what motion rules out."""
-    if not (a.shape.surfaces and b.shape.surfaces):
-        return
-    frames = len(bounds.lower)
-    near = _block_bounds(a, b, False)
-    rotations = [matrix(m.orientation) for m in (a, b)]
-    for sa, sb in product(a.shape.surfaces, b.shape.surfaces):
-        pair, last, last_path = SurfacePair(sa, sb), -np.inf, 0.0
-        for t in range(frames):
-            i, j = t if len(a) > 1 else 0, t if len(b) > 1 else 0
-            path = a.motion.path[i] + b.motion.path[j]
-            limit = min(cap, bounds.upper[t])
-            if near[t // BLOCK] >= limit or last - (path - last_path) >= limit:
-                continue
-            last = pair.distance(
-                (rotations[0][i], a.motion.centre[i]), (rotations[1][j], b.motion.centre[j])
-            )
-            last_path = path
-            if last < limit:
-                bounds.lower[t] = min(bounds.lower[t], last)
-                bounds.upper[t] = last
+class _Queries(NamedTuple):
+    """Distances to measure: of which leader (over all pairs), of which geoms, and a lower bound, m."""
+
+    leader: I64
+    a: I64
+    b: I64
+    bound: F64
 
 
-def _contained(a: Mover, b: Mover, frames: int) -> NDArray[np.bool_]:
-    """(T,) whether the centre of some geom of a lies inside a mesh of b."""
-    inside = np.zeros(frames, bool)
-    if not b.shape.surfaces:
-        return inside
-    hulls = a.shape.hulls
-    seeds = [hulls.offset[np.isfinite(hulls.radius) & (hulls.points == 0)]]
-    seeds += [hulls.offset[[g]] + hulls.rotation[g] @ hulls.vertices[hulls.first[g]]
-              for g in np.flatnonzero(hulls.points)]  # fmt: skip
-    ra, rb = matrix(a.orientation), matrix(b.orientation)
-    for seed in np.concatenate(seeds):
-        world = ra @ seed + a.motion.centre
-        local = np.einsum(
-            "tij,ti->tj", np.broadcast_to(rb, (frames, 3, 3)), world - b.motion.centre
+AT_ONCE = 1 << 18
+"""Pairs of geoms whose bounds are held in memory at once."""
+
+
+def _measure(
+    near: list[_NearPair], bounds: Clearance, cap: float, slack: float, *, flat: bool, deep: bool
+) -> None:
+    """Merge the distances of pairs of convex bodies into the bounds: the likely nearest first."""
+    start = np.cumsum([0, *(len(pair.leaders) for pair in near)])
+    which = np.concatenate([pair.which + n for pair, n in zip(near, start, strict=False)])
+    rows = np.concatenate([pair.rows for pair in near])
+    moved = np.concatenate([pair.moved for pair in near])
+    shapes = {id(m.shape): m.shape for pair in near for m in (pair.a, pair.b)}
+    first = dict(zip(shapes, np.cumsum([0, *map(len, shapes.values())]).tolist(), strict=False))
+    solids = stacked([shape.solids for shape in shapes.values()])
+    turn_a, turn_b, gap = (np.concatenate(x) for x in zip(*map(_poses, near), strict=True))
+
+    def limits() -> F64:
+        """Up to which distance each leader's geoms matter."""
+        out = np.full(start[-1], -np.inf)
+        np.maximum.at(out, which, np.minimum(bounds.upper[rows], cap))
+        return out + slack
+
+    def pairs_of(leader: I64, a: I64, b: I64) -> Pairs:
+        first, second = turn_a[leader], turn_b[leader]
+        apart = gap[leader] + _turned(second, solids.offset[b]) - _turned(first, solids.offset[a])
+        return Pairs(
+            solids, a, b, first @ solids.rotation[a], second @ solids.rotation[b], apart, flat
         )
-        for surface in b.shape.surfaces:
-            inside |= encloses(surface, np.broadcast_to(local, (frames, 3)))
-    return inside
+
+    found, limit = [], limits()
+    for n, pair in enumerate(near):
+        many = len(pair.a.shape), len(pair.b.shape)
+        step = max(AT_ONCE // (many[0] * many[1]), 1)
+        for begin in range(0, len(pair.leaders), step):
+            shape = min(step, len(pair.leaders) - begin), *many
+            k, g, h = (x.ravel() for x in np.indices(shape))
+            k += start[n] + begin
+            g += first[id(pair.a.shape)]
+            h += first[id(pair.b.shape)]
+            bound = _geom_bounds(pairs_of(k, g, h))
+            use = bound < limit[k]
+            found.append(_Queries(k[use], g[use], h[use], bound[use]))
+    queries = _Queries(*(np.concatenate(x) for x in zip(*found, strict=True)))
+    chosen = _likely_nearest(queries, which, rows, len(bounds.lower))
+    for some in (chosen, ~chosen):
+        limit = limits()
+        use = some & (queries.bound < limit[queries.leader])
+        leader, a, b = queries.leader[use], queries.a[use], queries.b[use]
+        low, high = distances(pairs_of(leader, a, b), limit[leader], deep)
+        lower, upper = np.full(start[-1], np.inf), np.full(start[-1], np.inf)
+        np.minimum.at(lower, leader, low)
+        np.minimum.at(upper, leader, np.where(low < limit[leader], high, np.inf))
+        low, high = lower[which] - moved, upper[which] + moved
+        hit = low < np.minimum(bounds.upper[rows], cap)
+        np.minimum.at(bounds.lower, rows[hit], low[hit])
+        np.minimum.at(bounds.upper, rows[hit], high[hit])
 
 
-def _box_overlap(a: Mover, b: Mover, flat: bool) -> F64:
-    """(T,) m: the least move along a world axis that parts the two bounding boxes, at least 0."""
-    sides = []
-    for axis in range(2 if flat else 3):
-        for sign in (-1.0, 1.0):
-            direction = sign * np.eye(3)[axis]
-            sides.append(reach(a, direction) + reach(b, -direction))
-    return np.asarray(np.maximum(np.minimum.reduce(sides), 0.0))
+def _likely_nearest(queries: _Queries, which: I64, rows: I64, frames: int) -> NDArray[np.bool_]:
+    """Which queries have the least bound of some frame."""
+    least = np.full(which.max(initial=-1) + 1, np.inf)
+    np.minimum.at(least, queries.leader, queries.bound)
+    frame = np.full(frames, np.inf)
+    np.minimum.at(frame, rows, least[which])
+    leads = np.zeros(len(least), np.bool_)
+    leads[which[least[which] == frame[rows]]] = True
+    return np.asarray(leads[queries.leader] & (queries.bound == least[queries.leader]))
+
+
+def _poses(pair: _NearPair) -> tuple[F64, F64, F64]:
+    """(K, 3, 3) rotations of both bodies and (K, 3) m from one bounding centre to the other."""
+    a, b = (m.rows(pair.leaders) for m in (pair.a, pair.b))
+    turns = matrix(pair.a.turn[a]), matrix(pair.b.turn[b])
+    return *turns, pair.b.centre[b] - pair.a.centre[a]
+
+
+def _geom_bounds(pairs: Pairs) -> F64:
+    """Lower bounds (N,) m on the distances of geoms, by balls and boxes around them; flat, by balls.
+
+    A ball whose centre is outside the other geom's box is apart from it, or sticks into it, by the
+    centre's distance less the radius; a centre within the box proves nothing.
+    """
+    a, b, p = pairs.a, pairs.b, pairs.gap
+    radius, half = pairs.solids.radius, pairs.solids.half
+    if pairs.flat:
+        return np.asarray(np.hypot(p[:, 0], p[:, 1]) - radius[a] - radius[b])
+    bound = np.sqrt((p * p).sum(1)) - radius[a] - radius[b]
+    for turn, box, ball in ((pairs.turn_a, half[a], radius[b]), (pairs.turn_b, half[b], radius[a])):
+        side = np.maximum(np.abs(_turned(turn.swapaxes(1, 2), p)) - box, 0.0)
+        apart = np.sqrt((side * side).sum(1))
+        bound = np.where(apart > 0, np.maximum(bound, apart - ball), bound)
+    return np.asarray(bound)
+
+
+def _turned(turn: F64, vectors: F64) -> F64:
+    return np.asarray((turn @ vectors[:, :, None])[:, :, 0])

@@ -1,8 +1,8 @@
-"""A body's collision geometry, packed into arrays for the kernels."""
+"""A body's collision geometry, prepared for measuring."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Geom, Mesh
 
-from .arrays import owned
-from .hull import hull_triangles
+from .corners import Corners
 from .polytope import Faces, Pieces, Polytope, faces_of, hull_centroid, pieces_of, polytope
 from .pose import matrix
 
@@ -22,8 +21,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 POINT, SEGMENT, BOX, CYLINDER, ELLIPSOID, HULL, PLANE = range(7)
-"""Kernel codes. A sphere is a point with a margin, a capsule a segment along z with a margin.
-Codes up to BOX are zonotopes: their penetration depth has a closed form."""
+"""A sphere is a point with a margin, a capsule a segment along z with a margin. Codes up to BOX are
+zonotopes: their penetration depth has a closed form."""
 
 _CODES = {
     "sphere": POINT,
@@ -37,11 +36,11 @@ _CODES = {
 }
 
 
-class Packed(NamedTuple):
-    """G convex geoms of one body, relative to the body's bounding centre, in body axes.
+class Solids(NamedTuple):
+    """G convex geoms, relative to their bodies' bounding centres, in body axes.
 
     Attributes:
-        kind: (G,) one of the codes above.
+        kind: (G,) one of the codes above; a nonconvex mesh counts as its hull.
         size: (G, 3) m. Half lengths of a box; (radius, radius, half length) of a cylinder;
             (0, 0, half length) of a segment; radii of an ellipsoid.
         margin: (G,) m, radius around a point or segment.
@@ -49,11 +48,7 @@ class Packed(NamedTuple):
         offset: (G, 3) m, geom centre from the bounding centre.
         radius: (G,) m, of a ball around the geom centre that holds the geom, margin included.
         half: (G, 3) m, half lengths of a box in geom axes that holds the geom.
-        first, points: (G,) where a hull starts, and how many rows it has, in ``vertices``.
-        vertices: (V, 3) m, from the geom centre, in geom axes.
-        ring: (V + 1,) where the neighbours of each vertex start in ``beside``.
-        beside: (E,) rows of vertices: along edges of the hull from each vertex. Hulls of few
-            vertices have none.
+        corners: of each geom those of a hull, from the geom centre, in geom axes.
     """
 
     kind: I64
@@ -63,15 +58,17 @@ class Packed(NamedTuple):
     offset: F64
     radius: F64
     half: F64
-    first: I64
-    points: I64
-    vertices: F64
-    ring: I64
-    beside: I64
+    corners: tuple[Corners, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
+def stacked(solids: Sequence[Solids]) -> Solids:
+    """The geoms of several bodies, one after the other."""
+    columns = list(zip(*solids, strict=True))
+    arrays = [np.concatenate(column) for column in columns[:-1]]
+    return Solids._make([*arrays, tuple(v for column in columns[-1] for v in column)])
+
+
+class Surface(NamedTuple):
     """A triangle mesh that need not be convex, relative to the body's bounding centre.
 
     Attributes:
@@ -92,8 +89,7 @@ class BodyShape:
         centre: (3,) m, centre of the bounding box, in the body frame.
         half: (3,) m, half lengths of the box around all geoms, in body axes (inf with a plane).
         radius: m, of a ball around the centre that holds all geoms (inf with a plane).
-        solids: the convex geoms.
-        hulls: the same, and for each mesh the points of its vertices: what extents need.
+        solids: the geoms; for a nonconvex mesh, its hull.
         surfaces: the nonconvex meshes.
         geoms: the geoms as they are recorded, and ``meshes`` what they refer to.
     """
@@ -102,15 +98,14 @@ class BodyShape:
     centre: F64
     half: F64
     radius: float
-    solids: Packed
-    hulls: Packed
+    solids: Solids
     surfaces: tuple[Surface, ...]
     geoms: tuple[Geom, ...]
     meshes: Mapping[str, Mesh]
 
     @classmethod
     def build(cls, body: Body, meshes: Mapping[str, Mesh]) -> BodyShape:
-        """Pack a body's geoms; ``meshes`` maps a geom's mesh key to the mesh (KeyError if absent).
+        """Prepare a body's geoms; ``meshes`` maps a geom's mesh key to the mesh (KeyError if absent).
 
         The same geoms give the same object again: a robot's links and a task's objects return in
         every episode, and a mesh key stands for the mesh's content.
@@ -119,36 +114,32 @@ class BodyShape:
         if shape is None:
             if len(_SHAPES) >= SHAPES_KEPT:
                 _SHAPES.clear()
-            shape = _SHAPES[body.name, body.geoms] = cls._pack(body, meshes)
+            shape = _SHAPES[body.name, body.geoms] = cls._prepare(body, meshes)
         return shape
 
     @classmethod
-    def _pack(cls, body: Body, meshes: Mapping[str, Mesh]) -> BodyShape:
-        parts = [_part(geom, meshes) for geom in body.geoms]
-        low, high, reach = np.full(3, np.inf), np.full(3, -np.inf), 0.0
-        for part in parts:
-            spread = _spread(part)
-            low = np.minimum(low, part.offset - spread)
-            high = np.maximum(high, part.offset + spread)
-        bounded = bool(parts) and bool(np.isfinite(low).all())
-        centre = (low + high) / 2 if bounded else np.zeros(3)
-        for part in parts:
-            part.offset = part.offset - centre
-            reach = max(reach, _reach(part))
+    def _prepare(cls, body: Body, meshes: Mapping[str, Mesh]) -> BodyShape:
+        solids = stacked([_NONE, *(_solid(geom, meshes) for geom in body.geoms)])
+        centre, half, radius = np.zeros(3), np.full(3, np.inf), np.inf
+        if (solids.kind != PLANE).all():
+            spread = (np.abs(solids.rotation) * solids.half[:, None]).sum(-1)
+            low = (solids.offset - spread).min(0, initial=np.inf)
+            high = (solids.offset + spread).max(0, initial=-np.inf)
+            half, radius = np.zeros(3), 0.0
+            if body.geoms:
+                centre, half = (low + high) / 2, (high - low) / 2
+                solids = solids._replace(offset=solids.offset - centre)
+                radius = _reach(solids)
         surfaces = tuple(
             Surface(
-                owned(part.vertices @ part.rotation.T + part.offset),
+                solids.corners[g].points @ solids.rotation[g].T + solids.offset[g],
                 np.array(meshes[str(geom.mesh)].faces, np.int64),
             )
-            for geom, part in zip(body.geoms, parts, strict=True)
+            for g, geom in enumerate(body.geoms)
             if geom.kind == "mesh"
         )
-        hulls = _stack(parts)
-        convex = [p for geom, p in zip(body.geoms, parts, strict=True) if geom.kind != "mesh"]
-        solids = _stack(convex) if surfaces else hulls
-        half = (high - low) / 2 if bounded else np.full(3, np.inf if parts else 0.0)
         used = {key: meshes[key] for geom in body.geoms if (key := geom.mesh) is not None}
-        return cls(body.name, centre, half, reach, solids, hulls, surfaces, body.geoms, used)
+        return cls(body.name, centre, half, radius, solids, surfaces, body.geoms, used)
 
     def __len__(self) -> int:
         """G, the number of geoms."""
@@ -184,111 +175,27 @@ class BodyShape:
 SHAPES_KEPT = 4096
 _SHAPES: dict[tuple[str, tuple[Geom, ...]], BodyShape] = {}
 
-
-MANY_CORNERS = 128
-"""Hulls of at least so many vertices are searched along their edges."""
-
-
-class Graph(NamedTuple):
-    """Which vertices of a hull share an edge.
-
-    Attributes:
-        degree: (V,) number of neighbours.
-        beside: (E,) the neighbours of the first vertex, of the second, …
-    """
-
-    degree: I64
-    beside: I64
+_NONE = Solids(
+    np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros((0, 3)),
+    np.zeros(0), np.zeros((0, 3)), (),
+)  # fmt: skip
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
-@dataclass
-class Part:
-    """One geom on its way into ``Packed``; fields as there."""
-
-    kind: int
-    size: F64
-    margin: float
-    rotation: F64
-    offset: F64
-    radius: float
-    half: F64
-    vertices: F64
-    graph: Graph | None = None
-
-
-def _stack(parts: list[Part]) -> Packed:
-    """Stack parts; an empty list gives G = 0."""
-    count = np.array([len(part.vertices) for part in parts], np.int64)
-    first = np.cumsum(count) - count
-    degree, beside = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)]
-    for part, start in zip(parts, first, strict=True):
-        graph = part.graph or Graph(np.zeros(len(part.vertices), np.int64), beside[0])
-        degree.append(graph.degree)
-        beside.append(graph.beside + start)
-    return Packed(
-        np.array([part.kind for part in parts], np.int64),
-        owned([part.size for part in parts]).reshape(-1, 3),
-        owned([part.margin for part in parts]),
-        owned([part.rotation for part in parts]).reshape(-1, 3, 3),
-        owned([part.offset for part in parts]).reshape(-1, 3),
-        owned([part.radius for part in parts]),
-        owned([part.half for part in parts]).reshape(-1, 3),
-        first,
-        count,
-        owned(np.concatenate([part.vertices for part in parts] or [np.zeros((0, 3))])),
-        np.cumsum(np.concatenate(degree)),
-        np.concatenate(beside),
-    )
-
-
-def chosen(packed: Packed, rows: NDArray[np.bool_]) -> Packed:
-    """Some of the geoms, by a mask (G,)."""
-    shared = ("vertices", "ring", "beside")
-    return packed._replace(
-        **{name: field[rows] for name, field in packed._asdict().items() if name not in shared}
-    )
-
-
-def triangles(surface: Surface) -> Packed:
-    """Every triangle of a mesh as a convex geom of three points, G = F."""
-    corners = surface.vertices[surface.faces]
-    middle = (corners.min(1) + corners.max(1)) / 2
-    local = corners - middle[:, None]
-    g = len(corners)
-    return Packed(
-        np.full(g, HULL, np.int64),
-        np.zeros((g, 3)),
-        np.zeros(g),
-        np.tile(np.eye(3), (g, 1, 1)),
-        owned(middle),
-        np.sqrt((local**2).sum(-1)).max(1, initial=0.0),
-        owned(np.abs(local).max(1, initial=0.0)),
-        np.arange(0, 3 * g, 3, dtype=np.int64),
-        np.full(g, 3, np.int64),
-        owned(local.reshape(-1, 3)),
-        np.zeros(3 * g + 1, np.int64),
-        np.zeros(0, np.int64),
-    )
-
-
-def _part(geom: Geom, meshes: Mapping[str, Mesh]) -> Part:
+def _solid(geom: Geom, meshes: Mapping[str, Mesh]) -> Solids:
+    """One geom, from the body's origin."""
     rotation, offset = matrix(geom.orientation), np.array(geom.position, np.float64)
-    code, size, margin = _CODES[geom.kind], np.zeros(3), 0.0
+    code, size, margin, vertices = _CODES[geom.kind], np.zeros(3), 0.0, np.zeros((0, 3))
     if code == ELLIPSOID and len(set(geom.size)) == 1:
         code = POINT
-    vertices = np.zeros((0, 3))
     if code == HULL:
         mesh = meshes[str(geom.mesh)]
-        points, graph = mesh.vertices, None
-        if geom.kind == "convex_mesh":
-            points, graph = convex_points(mesh), _GRAPHS.get(mesh.key)
-        points = points.astype(np.float64)
+        points = mesh.vertices.astype(np.float64)
         middle = (points.min(0) + points.max(0)) / 2
         vertices, offset = points - middle, offset + rotation @ middle
         half = np.abs(vertices).max(0)
         radius = float(np.sqrt((vertices**2).sum(1).max()))
-        return Part(code, size, margin, rotation, offset, radius, half, vertices, graph)
-    if code == PLANE:
+    elif code == PLANE:
         half, radius = np.full(3, np.inf), np.inf
     elif code == POINT:
         margin = radius = geom.size[0]
@@ -303,54 +210,15 @@ def _part(geom: Geom, meshes: Mapping[str, Mesh]) -> Part:
     else:
         size = half = np.array(geom.size)
         radius = float(np.sqrt(half @ half) if code == BOX else half.max())
-    return Part(code, size, margin, rotation, offset, radius, half, vertices)
+    return Solids(
+        np.array([code]), size[None], np.array([margin]), rotation[None], offset[None],
+        np.array([radius]), half[None], (Corners(vertices),),
+    )  # fmt: skip
 
 
-_GRAPHS: dict[str, Graph] = {}
-_HULL_POINTS: dict[str, NDArray[np.float32]] = {}
-
-
-def convex_points(mesh: Mesh) -> NDArray[np.float32]:
-    """(V, 3) the vertices of a convex mesh that span its hull; all of them where it is flat.
-
-    Remembered by the mesh's content: a robot's links are the same in every episode.
-    """
-    if len(mesh.vertices) <= 32:
-        return mesh.vertices
-    if mesh.key not in _HULL_POINTS:
-        hull = hull_triangles(mesh.vertices.astype(np.float64))
-        corners = np.arange(len(mesh.vertices)) if hull is None else np.unique(hull.corners)
-        _HULL_POINTS[mesh.key] = mesh.vertices[corners]
-        if hull is not None and len(corners) >= MANY_CORNERS:
-            _GRAPHS[mesh.key] = _graph(corners, hull.corners)
-    return _HULL_POINTS[mesh.key]
-
-
-def _graph(corners: NDArray[np.integer], faces: NDArray[np.integer]) -> Graph:
-    """The edges of a triangulated hull; faces (F, 3) refer to the points that corners (V,) list."""
-    row = np.zeros(int(corners.max()) + 1, np.int64)
-    row[corners] = np.arange(len(corners))
-    ends = row[faces[:, [[0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2]]].reshape(-1, 2)]
-    count = len(corners)
-    first, second = np.divmod(np.unique(ends[:, 0] * count + ends[:, 1]), count)
-    return Graph(np.bincount(first, minlength=count), second)
-
-
-def _spread(part: Part) -> F64:
-    """(3,) half lengths, in body axes, of the box around a geom."""
-    if part.kind == PLANE:
-        return np.full(3, np.inf)
-    return np.asarray(np.abs(part.rotation) @ part.half)
-
-
-_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3))).T
-
-
-def _reach(part: Part) -> float:
-    """Distance from the bounding centre within which the whole geom lies."""
-    if part.kind == PLANE:
-        return np.inf
-    corners = part.rotation @ (_SIGNS * part.half[:, None]) + part.offset[:, None]
-    return float(
-        min(np.sqrt(part.offset @ part.offset) + part.radius, np.sqrt((corners**2).sum(0).max()))
-    )
+def _reach(solids: Solids) -> float:
+    """m, distance from the bounding centre within which all bounded geoms lie."""
+    corners = _SIGNS * solids.half[:, None]
+    corners = corners @ solids.rotation.swapaxes(1, 2) + solids.offset[:, None]
+    ball = np.sqrt((solids.offset**2).sum(1)) + solids.radius
+    return float(np.minimum(ball, np.sqrt((corners**2).sum(-1)).max(1)).max())

@@ -1,85 +1,63 @@
-"""When nothing moved: frames that may share what was measured at the first of them."""
+"""When bodies are where they were before: frames that may share what was measured at one of them."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._process.compiled import kernel
-
 from .mover import Mover
 from .pose import unit
 
-F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-STILL_DISTANCE, STILL_ANGLE = 1e-5, 1e-4
-"""m and rad. Outlines of bodies that moved less are not computed anew."""
+STILL = 5e-5
+"""m. Outlines of bodies no point of which has moved by as much are not computed anew."""
 
-ANCHORED = 512
-"""Frames after which a run of stillness begins anew, whatever came before."""
+BLOCK = 128
+"""Frames that are compared with each other. Counted from the last one: the end is what is asked for most."""
+
+FARTHEST = 100.0
+"""m. Of planes, points further from their origin than this are not looked at."""
 
 
-def still_since(
-    movers: Sequence[Mover],
-    frames: I64,
-    distance: float = STILL_DISTANCE,
-    angle: float = STILL_ANGLE,
-) -> I64:
-    """(N,) for each of the frames (N,) the one at which its run of stillness began.
+def first_alike(movers: Sequence[Mover], frames: I64, apart: float = STILL) -> I64:
+    """(N,) for each of the frames (N,) one at which all bodies are where they are then.
 
-    Within a run no body is further than ``distance`` (m) and ``angle`` (rad) from where it was when
-    the run began. Where runs begin does not depend on which frames are asked for: they are
-    those of whole blocks of the trace, of which only the ones that hold a frame that is asked for
-    are looked at. Where nothing can move, all frames have the first one's run.
+    No point of any is further than ``apart`` (m) from there. It is the first such frame of the
+    frame's block that has none before it itself, whichever frames are asked for. Where nothing can
+    move, all frames have the first one.
 
     Raises ValueError where an orientation is no rotation (norm 0 or not finite).
     """
     moving = [mover for mover in movers if len(mover) > 1]
+    first = np.full(len(frames), frames[0] if len(frames) else 0, np.int64)
     if not moving:
-        return np.full(len(frames), frames[0] if len(frames) else 0, np.int64)
-    since = np.empty(len(frames), np.int64)
+        return first
     total = min(len(mover) for mover in moving)
-    block = frames // ANCHORED
-    for one in np.unique(block):
-        wanted = block == one
-        first, end = int(one) * ANCHORED, min(total, int(frames[wanted].max()) + 1)
-        position = np.stack([m.position[first:end] for m in moving]).astype(np.float64)
-        orientation = np.stack([unit(m.orientation[first:end]) for m in moving])
-        start = np.empty(end - first, np.int64)
-        _runs(position, orientation, distance**2, math.sin(angle / 4), start)
-        since[wanted] = first + start[frames[wanted] - first]
-    return since
+    blocks = (total - 1 - frames) // BLOCK
+    for block in np.unique(blocks):
+        asked = blocks == block
+        start, end = max(total - (int(block) + 1) * BLOCK, 0), int(frames[asked].max()) + 1
+        near = np.ones((end - start, end - start), np.bool_)
+        for mover in moving:
+            near &= _moved(mover, start, end) <= apart
+        alike = np.full(len(near), -1)
+        for frame, row in enumerate(near):
+            if alike[frame] < 0:
+                alike[row & (alike < 0)] = frame
+        first[asked] = start + alike[frames[asked] - start]
+    return first
 
 
-def still_runs(movers: Sequence[Mover], frames: I64) -> Iterator[tuple[int, I64]]:
-    """Cut frames (N,) into runs of stillness: the frame each run began at, and its frames."""
-    since = still_since(movers, frames)
-    for start in np.unique(since):
-        yield int(start), frames[since == start]
-
-
-@kernel
-def _runs(position: F64, orientation: F64, square: float, chord: float, start: I64) -> None:
-    """Positions (M, T, 3) and unit quaternions (M, T, 4); the run of each frame goes to ``start``.
-
-    A turn by θ between unit quaternions is min‖q∓q′‖ = 2 sin(θ/4); ``chord`` is half of that.
-    """
-    begun = 0
-    for t in range(start.shape[0]):
-        for m in range(position.shape[0]):
-            way, minus, plus = 0.0, 0.0, 0.0
-            for i in range(3):
-                step = position[m, t, i] - position[m, begun, i]
-                way += step * step
-            for i in range(4):
-                p, q = orientation[m, t, i], orientation[m, begun, i]
-                minus += (p - q) * (p - q)
-                plus += (p + q) * (p + q)
-            if way > square or math.sqrt(min(minus, plus)) / 2.0 > chord:
-                begun = t
-                break
-        start[t] = begun
+def _moved(mover: Mover, start: int, end: int) -> NDArray[np.float64]:
+    """(N, N) m, how far at most a point of a body is at one frame from where it is at another."""
+    far = min(float(np.linalg.norm(mover.shape.centre) + mover.shape.radius), FARTHEST)
+    position = mover.position[start:end].astype(np.float64)
+    position -= position.mean(0)
+    square = (position**2).sum(1)
+    way = square[:, None] + square - 2 * position @ position.T
+    turn = unit(mover.orientation[start:end])
+    cosine = np.minimum(np.abs(turn @ turn.T), 1.0)  # of half the angle
+    return np.asarray(np.sqrt(np.maximum(way, 0)) + 2 * far * np.sqrt(1 - cosine**2))

@@ -9,7 +9,10 @@ from typing import Any
 
 from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Header
+from safestage_eval.errors import InputError
 from safestage_eval.rules.body_facts import BodyFacts, with_facts
+
+from .map_tables import MapFile
 
 
 @dataclass(frozen=True)
@@ -72,3 +75,31 @@ def load_bound(path: str | Path, rules: Sequence[str | Path] = ()) -> Bound:
         tables.get("every", {}),
         checked.bodies,
     )
+
+
+def demand_goals(map_: MapFile, rules: Sequence[str | Path] = ()) -> None:
+    """Check the goals of a map file against rule files (all built-in ones if none are given).
+
+    Raises:
+        InputError: a goal of this name is not loaded, or a table of a goal cannot be used.
+    """
+    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.rules.check import check_goal
+    from safestage_eval.rules.names import Names
+
+    tables = {"every": map_.every, **{f"task.{k}": v for k, v in map_.task.items()}}
+    tables.update({f"episode.{name}": table for name, table in map_.episode.items()})
+    goals = {name: table.goal for name, table in tables.items() if table.goal is not None}
+    if not goals:
+        return
+    loaded = load_rules(list(rules) or builtin_names())
+    for name, goal in goals.items():
+        where = f"{map_.path}: [{name}] goal"
+        if isinstance(goal, str) and goal not in loaded.goals:
+            raise InputError(
+                where, f"no goal {goal!r} is loaded.", ", ".join(sorted(loaded.goals)),
+                "--rules FILE that has it, or a table: { roles = …, require = … } (docs/rules.md)",
+            )  # fmt: skip
+        problems = [] if isinstance(goal, str) else check_goal(Names.of_rules(loaded), goal, where)
+        if problems:
+            raise InputError(where, f"{problems[0].what}.", problems[0].allowed, problems[0].fix)

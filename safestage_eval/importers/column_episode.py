@@ -25,10 +25,10 @@ from safestage_eval.size_limits import current
 from .account import Account
 from .foreign_motion import make_track, to_wxyz
 from .importer import Importer, QuaternionOrder, Settings, SourceError
+from .known_files import ask_for
 from .map_tables import BodyColumns, ColumnsTable
 from .missing_data import say_success
 from .place_robot import Placed
-from .refused_formats import ask_for
 from .scene_builder import SceneBuilder, robot_frames
 
 F64 = NDArray[np.float64]

@@ -17,6 +17,7 @@ from .bind_headers import Bound
 from .importer import Importer, Settings
 from .map_mistakes import Notice, notice
 from .map_tables import MapFile
+from .noisy_velocities import believe_poses
 from .scene_bodies import in_metres
 
 
@@ -102,6 +103,7 @@ def import_one(open_importer: Callable[[], Importer], task: Task, target: Target
     )
     account = Account()
     episode = source.read(task.name, account)
+    episode = believe_poses(episode, source.settings.map, account)
     fingerprint = fingerprint_of(source, task.name, target)
     header = _stamped(episode.header, task, fingerprint, account, target, source.settings.map)
     ready = replace(episode, header=header, _contacts=episode.contacts, _frames=episode.frames)

@@ -19,6 +19,7 @@ from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
 from .importer import QuaternionOrder, SourceError
 from .isaac_file import IsaacFile
 from .isaac_robot import robot_columns, rows_with_first
+from .isaac_tasks import standard_task
 from .missing_data import say_links, say_success
 from .place_robot import Placed
 from .scene_builder import SceneBuilder
@@ -37,10 +38,12 @@ class Demo(SceneBuilder):
         self.source, self.name, self.map = source, name, source.settings.map
         self.group = source.data[name]
         self.result = source.sidecars.result(source.path, name)
+        self.task = standard_task(_env_name(source))
         self.order: QuaternionOrder = self.gaps.ask(source.order, "wxyz")
         self.physics_dt, self.dt = self.gaps.ask(self._rates, (1.0, 1.0))
         self.first = self.group.get("initial_state")
         self.placed: dict[str, Placed] = {}
+        self.cubes: set[str] = set()
 
     def read(self) -> Episode:
         """Read the episode. Raises InputError when it lacks what no trace can do without."""
@@ -81,6 +84,12 @@ class Demo(SceneBuilder):
         dt = self.settings.stated_dt or beside.dt or (float(reported) if reported else None)
         for problem in beside.problems:
             self.account.missing(problem, remedy="mend the file")
+        if dt is None and self.task is not None:
+            dt, physics = self.task.dt, physics or self.task.physics_dt
+            self.account.guessed(
+                "time between rows", f"{dt:g} s, which Isaac Lab's configuration of this task has",
+                cost="speeds and times, if it was changed", remedy="--dt, or env_cfg.json beside",
+            )  # fmt: skip
         if dt is None:
             raise SourceError(
                 str(self.source.path),
@@ -138,9 +147,18 @@ class Demo(SceneBuilder):
             group, self._initial("rigid_object", name), name
         )
         box = self._box(name, position, orientation)
+        cube = self.task.cube(name) if self.task is not None and box is None else None
+        if cube is not None:
+            self.cubes.add(name)
+            self.account.guessed(
+                f"the shape of {name}",
+                f"a cube with edges of {2e3 * cube.size[0]:.1f} mm, as in Isaac Lab's task",
+                cost="contacts and clearances, if it was another",
+                remedy=f"[body.{name}] shapes in the map file",
+            )
         kind: BodyKind = "fixture" if re.fullmatch(r"table(_?\d+)?", name) else "object"
         raw = Body(
-            name=name, kind=kind, geoms=() if box is None else (box.geom,),
+            name=name, kind=kind, geoms=(box.geom,) if box else (cube,) if cube else (),
             com=box.geom.position if box is not None else (0, 0, 0),
             untold=("up_axis", "cavity"),
         )  # fmt: skip
@@ -240,7 +258,7 @@ class Demo(SceneBuilder):
         placed = ("robot", "gripper")  # with the shapes of a description
         boxed = [
             b.name for b in self.bodies
-            if b.geoms and b.name not in mapped and b.kind not in placed
+            if b.geoms and b.name not in {*mapped, *self.cubes} and b.kind not in placed
         ]  # fmt: skip
         if boxed:
             self.account.guessed(
@@ -281,6 +299,12 @@ class Demo(SceneBuilder):
             self.account, known=reached is not None, hold=0.0 if reached else None,
             how="recording ends with it",
         )  # fmt: skip
+        if reached:
+            self.account.guessed(
+                "the moment of success", "the last row: recording ends with it",
+                cost="what is judged up to success",
+                remedy="[episode.NAME] success_time in the map file",
+            )  # fmt: skip
         horizon = config.get("episode_length_s")
         seed = self.group.attrs.get("seed", config.get("seed"))
         instruction = result.get("instruction") or config.get("instruction")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval._text.json_text import from_json, get_inside
+from safestage_eval.units import LONGEST
 
 RESULTS = ("episode_results.jsonl", "episode_results.json")
 
@@ -128,7 +129,7 @@ def _lines(path: Path, problems: list[str]) -> list[Any]:
         return entries if isinstance(entries, list) else []
     try:
         text = path.read_text("utf-8")
-        return [from_json(line) for line in text.splitlines() if line.strip()]
+        return [from_json(line, foreign=True) for line in text.splitlines() if line.strip()]
     except (OSError, ValueError) as error:
         problems.append(f"{path.name}: {error}")
         return []
@@ -136,7 +137,7 @@ def _lines(path: Path, problems: list[str]) -> list[Any]:
 
 def _json(path: Path, problems: list[str]) -> Any:
     try:
-        return from_json(path.read_text("utf-8"))
+        return from_json(path.read_text("utf-8"), foreign=True)
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
@@ -145,5 +146,5 @@ def _json(path: Path, problems: list[str]) -> Any:
 
 
 def _positive(value: Any) -> float | None:
-    number = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+    number = isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= LONGEST
     return float(value) if number else None

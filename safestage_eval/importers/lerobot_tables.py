@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats.parquet.arrow_tables import arrow_file
-from safestage_eval.formats.parquet.column_chunks import read_chunks_of
 from safestage_eval.size_limits import current
 
 from .importer import SourceError
@@ -86,10 +85,11 @@ class Tables:
         names = {*wanted, *OWN}
         with _reading(file):
             paths = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
+            groups = [metadata.row_group(n) for n in range(metadata.num_row_groups)]
             values = sum(
-                max(0, chunk.values)
-                for group in read_chunks_of(file, metadata.serialized_size)
-                for path, chunk in zip(paths, group, strict=True)
+                max(0, group.column(place).num_values)
+                for group in groups
+                for place, path in enumerate(paths)
                 if path.partition(".")[0] in names
             )
         current().demand_decoded(8 * values, file.stat().st_size, str(file))
@@ -142,7 +142,7 @@ def _reading(file: Path) -> Iterator[None]:
 def described(path: Path) -> dict[str, Any] | None:
     """Read ``meta/info.json`` of a folder; None if it has none that can be read."""
     try:
-        info = from_json((path / "meta" / "info.json").read_text("utf-8"))
+        info = from_json((path / "meta" / "info.json").read_text("utf-8"), foreign=True)
     except (OSError, ValueError):
         return None
     return info if isinstance(info, dict) else None
@@ -152,7 +152,7 @@ def _tasks(meta: Path) -> Iterator[tuple[int, str]]:
     if (meta / "tasks.jsonl").is_file():
         for line in (meta / "tasks.jsonl").read_text("utf-8").splitlines():
             if line.strip():
-                entry = from_json(line)
+                entry = from_json(line, foreign=True)
                 yield int(entry["task_index"]), str(entry["task"])
     elif (meta / "tasks.parquet").is_file():
         import pyarrow.parquet as pq

@@ -248,7 +248,7 @@ def _success(group: Any, about: dict[str, Any], t: F64) -> tuple[bool | None, fl
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        table = from_json(path.read_text("utf-8"))
+        table = from_json(path.read_text("utf-8"), foreign=True)
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:

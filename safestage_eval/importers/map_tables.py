@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from safestage_eval.episode import Header, Quat
-from safestage_eval.episode.body import BodyKind, GeomKind
-from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, in_si
+from safestage_eval.episode.body import BodyKind, GeomKind, Stored
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, finite, in_si
 
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
 
@@ -27,7 +27,7 @@ def _quantity(dimension: str) -> Callable[[Any], Any]:
         if match is None or UNIT_DIMENSION.get(match[2]) != dimension:
             units = ", ".join(DIMENSIONS[dimension])
             raise ValueError(f"{value!r} is no {dimension}: a number with one of {units}")
-        return in_si(float(match[1]), match[2])
+        return finite(in_si(finite(match[1]), match[2]))
 
     return read
 
@@ -49,7 +49,7 @@ Names = Annotated[tuple[str, ...], BeforeValidator(lambda v: (v,) if isinstance(
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class SourceTable(_Table):
@@ -67,6 +67,8 @@ class SourceTable(_Table):
     """Frame that is the world, z up (transforms)."""
     scene: Literal["A", "B", "C", "D"] | None = None
     """CALVIN's scene."""
+    velocities: Literal["recorded", "from poses"] | None = None
+    """Whose velocities count; without it the poses', where recorded ones contradict them and are noisy."""
     length: Annotated[float, BeforeValidator(_unit_of_length), Field(gt=0)] | None = None
     """m in the source's unit of length, or its name: ``"cm"``, 0.0254; in metres without."""
 
@@ -80,8 +82,8 @@ class HeaderTable(_Table):
     instruction: str | None = None
     prompt: str | None = None
     policy: str | None = None
-    seed: int | None = None
-    rollout: int | None = None
+    seed: Stored | None = None
+    rollout: Stored | None = None
     success: bool | None = None
     success_time: Seconds | None = None
     termination: Literal["success", "horizon", "policy", "error", "truncated"] | None = None

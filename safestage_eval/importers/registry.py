@@ -10,7 +10,7 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.discover import find
 
 from .importer import Format, Importer, Refused, SourceError
-from .refused_formats import Stateless
+from .known_files import Unusable, described
 
 OWN = {
     "isaaclab": "isaac_lab",
@@ -22,7 +22,7 @@ OWN = {
 }
 """Format → file in this folder, in the order in which they are asked."""
 
-REFUSED: tuple[type[Refused], ...] = (Stateless,)
+REFUSED: tuple[type[Refused], ...] = (Unusable,)
 """Known formats that cannot be imported, asked last."""
 
 FROM_SIMULATE = ("mujoco",)
@@ -110,6 +110,9 @@ def unrecognised(source: Path, only: str | None) -> SourceError:
             str(source), "it is a SafeStage trace, not someone else's.",
             fix="nothing to import: safestage score reads it as it is",
         )  # fmt: skip
+    what = described(source) if only is None else None
+    if what is not None:
+        return what
     every = {only: importer(only)} if only is not None else importers()
     titles = [kind.title for kind in every.values() if not isinstance(kind, str)]
     out_of_reach = [reason for reason in every.values() if isinstance(reason, str)]

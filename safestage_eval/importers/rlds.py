@@ -219,7 +219,7 @@ def _splits(info: dict[str, Any]) -> dict[str, list[int] | None]:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        table = from_json(path.read_text("utf-8"))
+        table = from_json(path.read_text("utf-8"), foreign=True)
     except (OSError, ValueError):
         return {}
     return table if isinstance(table, dict) else {}

@@ -14,6 +14,7 @@ import numpy as np
 from safestage_eval._process import simulator
 from safestage_eval.episode import Body, Geom, Mesh
 from safestage_eval.errors import InputError, TraceError
+from safestage_eval.units import finite
 
 from .guess_words import side_of
 from .importer import SourceError
@@ -120,11 +121,11 @@ def _joint(element: ET.Element) -> RobotJoint | None:
     limit, mimic = element.find("limit"), element.find("mimic")
     limits = None
     if limit is not None and element.get("type") != "continuous" and limit.get("upper"):
-        limits = (float(limit.get("lower", 0)), float(limit.get("upper", 0)))
+        limits = (finite(limit.get("lower", 0)), finite(limit.get("upper", 0)))
     follows = None
     if mimic is not None:
         follows = (
-            mimic.get("joint", ""), float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0))
+            mimic.get("joint", ""), finite(mimic.get("multiplier", 1)), finite(mimic.get("offset", 0))
         )  # fmt: skip
     x, y, z = (direction / length).tolist()
     return RobotJoint(

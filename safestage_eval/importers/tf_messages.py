@@ -11,17 +11,18 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, BinaryIO
+from typing import Any
 
 from safestage_eval.errors import InputError, TraceError
 
 from .frame_tree import Samples
 from .importer import SourceError
 from .mcap_whole import check_summary, whole_messages
-from .sqlite_bag import bag_messages, definition, is_sqlite, types
+from .ros_bag import Message, bag_messages, is_bag, types
 
 TRANSFORMS = {
     "tf2_msgs/msg/TFMessage",
+    "tf/msg/tfMessage",
     "geometry_msgs/msg/TransformStamped",
     "foxglove.FrameTransform",
     "foxglove.FrameTransforms",
@@ -58,11 +59,11 @@ class Found:
 
 
 def has_transforms(path: Path) -> bool:
-    """True if the file is a complete foreign MCAP or SQLite bag with transforms; never raises."""
+    """True if the file is a complete foreign MCAP or SQLite bag with transforms; raises SourceError without rosbags."""
     from mcap.reader import make_reader
 
     try:
-        if is_sqlite(path):
+        if is_bag(path):
             return bool(types(path) & TRANSFORMS)
         with path.open("rb") as stream:
             check_summary(stream)
@@ -73,22 +74,29 @@ def has_transforms(path: Path) -> bool:
             summary = reader.get_summary()
             names = {s.name for s in summary.schemas.values()} if summary is not None else set()
             return bool(names & TRANSFORMS)
+    except SourceError:
+        raise
     except Exception:  # noqa: BLE001 — the readers of others fail in many ways on damaged bytes
         return False
 
 
-def _stored(path: Path, stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
-    """(schema, channel, message) as MCAP's reader gives them, of either storage of a bag."""
-    if not is_sqlite(path):
-        yield from whole_messages(stream)
+def _stored(path: Path) -> Iterator[Message]:
+    """Yield (type, topic, time in ns, what decodes it) of all messages of a bag or an MCAP file."""
+    if is_bag(path):
+        yield from bag_messages(path)
         return
-    for kind, topic, encoding, time, data in bag_messages(path):
-        text = definition(kind)
-        schema = SimpleNamespace(
-            id=1, name=kind, encoding="ros2msg", data=b"" if text is None else text.encode()
-        )
-        channel = SimpleNamespace(id=topic, topic=topic, message_encoding=encoding)
-        yield schema, channel, SimpleNamespace(data=data, log_time=time)
+    decoders: dict[Any, Callable[[bytes], Any]] = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in whole_messages(stream):
+
+            def decode(
+                schema: Any = schema, channel: Any = channel, data: Any = message.data
+            ) -> Any:
+                if channel.id not in decoders:
+                    decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
+                return decoders[channel.id](data)
+
+            yield schema.name if schema else "", channel.topic, message.log_time, decode
 
 
 def read_messages(paths: Iterable[Path]) -> Found:
@@ -100,17 +108,13 @@ def read_messages(paths: Iterable[Path]) -> Found:
     """
     result = Found()
     for path in paths:
-        decoders: dict[Any, Callable[[bytes], Any]] = {}
         try:
-            with path.open("rb") as stream:
-                for schema, channel, message in _stored(path, stream):
-                    take = _taker(schema.name if schema else "", channel.topic)
-                    if take is None:
-                        result.others[channel.topic] = schema.name if schema else "-"
-                        continue
-                    if channel.id not in decoders:
-                        decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
-                    take(result, decoders[channel.id](message.data), message.log_time)
+            for kind, topic, time, decode in _stored(path):
+                take = _taker(kind, topic)
+                if take is None:
+                    result.others[topic] = kind or "-"
+                else:
+                    take(result, decode(), time)
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 — as above

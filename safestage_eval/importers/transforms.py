@@ -1,4 +1,4 @@
-"""ROS 2 bags and Foxglove recordings with transforms: foreign MCAP files.
+"""ROS 1 and ROS 2 bags and Foxglove recordings with transforms.
 
 A recording has one transform per frame and message, at the rate of whoever sent it. Here all frames
 become bodies at common times: those of the messages where all agree, otherwise regular ones,
@@ -26,8 +26,8 @@ from .foxglove_shapes import scene_geoms
 from .frame_tree import FrameTree
 from .importer import Importer, SourceError
 from .missing_data import say_bodies, say_contacts, say_success
+from .ros_bag import is_bag
 from .scene_bodies import apply_map, fixed_from_map, need_shapes
-from .sqlite_bag import is_sqlite
 from .tf_joints import place_arm
 from .tf_messages import Found, error_line, has_transforms, read_messages
 from .urdf_links import Link, urdf_links
@@ -47,7 +47,7 @@ class Transforms(Importer):
     """One MCAP file, or a folder of a ROS 2 bag with its parts."""
 
     name = "tf"
-    title = "ROS 2 bags (MCAP or SQLite) and Foxglove MCAP with transforms"
+    title = "ROS 1 and ROS 2 bags and Foxglove MCAP with transforms"
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -59,7 +59,7 @@ class Transforms(Importer):
             return None
         try:
             with path.open("rb") as stream:
-                stored = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC or is_sqlite(path)
+                stored = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC or is_bag(path)
         except OSError:
             return None
         return "has transforms" if stored and has_transforms(path) else None

@@ -10,6 +10,7 @@ from safestage_eval.episode import Geom
 from safestage_eval.episode.body import GeomKind
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
+from safestage_eval.units import finite
 
 JOINTED = ("revolute", "continuous", "prismatic")
 
@@ -147,7 +148,7 @@ def origin_of(element: ET.Element) -> dict[str, Any]:
 
 def numbers_of(text: str | None, count: int) -> tuple[Any, ...]:
     """The numbers of an attribute; raise ValueError unless there are ``count``."""
-    values = tuple(float(word) for word in (text or "").split())
+    values = tuple(finite(word) for word in (text or "").split())
     if len(values) != count:
         raise ValueError(f"{text!r} where {count} numbers belong")
     return values

@@ -16,7 +16,7 @@ from .guess_roles import guess_bodies, guess_roles
 from .import_episode import Target
 from .import_source import recognised_in
 from .importer import Settings, SourceError
-from .read_source import Here
+from .read_source import Apart, Limits
 from .registry import importer, unrecognised
 from .toml_lines import guess_line, toml_key
 
@@ -47,7 +47,7 @@ def map_skeleton(source: Path, settings: Settings | None = None, *, only: str | 
     failure: InputError | None = None
     if not source.exists():
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
-    with Here(Target(Path(), False, settings)) as reading:
+    with Apart(Target(Path(), False, settings), Limits(), 1) as reading:
         sources = list(islice(recognised_in(source, Path(), reading, only), TASKS))
     for path, kind in sources:
         if isinstance(kind, InputError):

@@ -17,7 +17,7 @@ ANSWERS: tuple[Answer, ...] = get_args(Answer)
 COLUMNS = ("episode_id", "label", "reviewer", "note", "labelled_at")
 """Columns of a label file; the first two are required."""
 
-ALLOWED = "a table with the columns episode_id and label, and perhaps reviewer and note"
+ALLOWED = "a table with the columns episode_id and label, and perhaps reviewer and note, as safestage label writes"
 
 
 @dataclass(frozen=True)

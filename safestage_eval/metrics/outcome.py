@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from safestage_eval.verdicts import EpisodeResult
@@ -23,7 +23,7 @@ class Outcome:
     violation: bool | None
     """V; None if it could not be decided."""
     judged: bool
-    """False when its assigned rules, or those that V hangs on, were not loaded."""
+    """False when none of its assigned rules was loaded. Where some were not, V is open unless another is violated."""
     task: str | None = None
     family: str | None = None
     seed: int | str | None = None
@@ -44,24 +44,37 @@ class Outcome:
         return self.judged and self.success is not None and self.violation is not None
 
 
-def outcomes(results: Iterable[EpisodeResult]) -> list[Outcome]:
-    """List the outcomes of judged episodes; what a header leaves open is shown as ``–``."""
-    return [
-        Outcome(
-            policy=r.policy or OPEN,
-            prompt=r.prompt or OPEN,
-            stage=r.stage or OPEN,
-            success=r.success,
-            violation=r.violation,
-            judged=bool(r.assigned) and (r.violation is True or not r.not_loaded),
-            task=r.task,
-            family=r.family,
-            seed=r.seed,
-            rollout=r.rollout,
-            episode_id=r.episode_id,
-            at_risk=r.at_risk,
-            engagement=r.engagement,
-            where=r.path,
-        )
-        for r in results
-    ]
+def outcomes(
+    results: Iterable[EpisodeResult], aside: Collection[str] = frozenset()
+) -> list[Outcome]:
+    """List the outcomes of judged episodes; what a header leaves open is shown as ``–``.
+
+    Args:
+        results: of scoring.
+        aside: codes of rules that decide nothing (``by_rule.set_aside``); an episode that has no
+            other stays undecided.
+    """
+    return [_outcome(result, aside) for result in results]
+
+
+def _outcome(r: EpisodeResult, aside: Collection[str]) -> Outcome:
+    deciding = [v for v in r.assigned if v.rule not in aside]
+    violation = r.violation
+    if len(deciding) < len(r.assigned) and violation is None and deciding and not r.not_loaded:
+        violation = None if any(v.violation is None for v in deciding) else False
+    return Outcome(
+        policy=r.policy or OPEN,
+        prompt=r.prompt or OPEN,
+        stage=r.judged_stage or OPEN,
+        success=r.success,
+        violation=violation,
+        judged=bool(r.assigned),
+        task=r.task,
+        family=r.family,
+        seed=r.seed,
+        rollout=r.rollout,
+        episode_id=r.episode_id,
+        at_risk=r.at_risk,
+        engagement=r.engagement,
+        where=r.path,
+    )

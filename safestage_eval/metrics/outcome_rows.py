@@ -61,7 +61,12 @@ def read_outcomes(
     columns = {*BARE, *RESULT, *MORE, "vacuity", "instances", *([label] if label else [])}
     for path in paths:
         if Path(path).is_dir():
-            raise InputError(str(path), "is a folder.", ALLOWED, "name the files in it")
+            raise InputError(
+                str(path),
+                "is a folder.",
+                ALLOWED,
+                "name the result files in it; recordings have to be scored first",
+            )
         groups: dict[str, _Gathered] = {}
         for number, row in enumerate(each_row(path, columns, ALLOWED), 1):
             if label is not None and row.get(label) is None:
@@ -211,8 +216,7 @@ class _Episode:
         """V = 1 if any assigned rule is violated."""
         own, absent = self._own, self._absent
         violation = True if True in own else None if absent or not own or None in own else False
-        judged = bool(own) and (True in own or not absent)
-        return replace(self._head, violation=violation, judged=judged, at_risk=self._risk)
+        return replace(self._head, violation=violation, judged=bool(own), at_risk=self._risk)
 
 
 def _refuse_copies(outcomes: Iterable[Outcome]) -> None:

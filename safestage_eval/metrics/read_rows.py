@@ -15,7 +15,9 @@ from safestage_eval._text.csv_cell import from_cell
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
 
-ALLOWED = "JSON, JSON lines, CSV or Parquet"
+from .wrong_file import refuse_other_columns, refuse_other_files, wrong_file
+
+ALLOWED = "results of safestage score as JSON, JSON lines, CSV or Parquet"
 
 BATCH = 4096
 """Rows of a Parquet file that are in memory at once."""
@@ -54,12 +56,13 @@ def each_row(
     """
     try:
         with Path(path).open("rb") as file:
-            packed = file.read(4) == b"PAR1"
+            beginning = file.read(4096)
             file.seek(0)
+            refuse_other_files(Path(path), beginning, allowed)
             rows = (
                 _parquet(Path(path), columns, allowed)
-                if packed
-                else _text(str(path), file, allowed)
+                if beginning.startswith(b"PAR1")
+                else _text(Path(path), file, columns, allowed)
             )
             for number, row in enumerate(rows, 1):
                 yield _checked(str(path), number, row)
@@ -129,6 +132,7 @@ def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> Itera
         file = pq.ParquetFile(pa.OSFile(os.fsencode(path)))
         wanted = None
         if columns is not None:
+            refuse_other_columns(path, file.schema_arrow.names, columns, allowed)
             wanted = [name for name in file.schema_arrow.names if name in columns]
         for batch in file.iter_batches(BATCH, columns=wanted):
             yield from batch.to_pylist()
@@ -136,8 +140,11 @@ def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> Itera
         raise InputError(str(path), f"a broken Parquet file: {error}.", allowed) from None
 
 
-def _text(where: str, file: BinaryIO, allowed: str) -> Iterator[dict[str, Any]]:
+def _text(
+    path: Path, file: BinaryIO, columns: Collection[str] | None, allowed: str
+) -> Iterator[dict[str, Any]]:
     """JSON, JSON lines or CSV, recognised by the first line that is not empty."""
+    where = str(path)
     first, start = "", 0
     for line in file:
         first = (first + line.decode("utf-8-sig" if start == 0 else "utf-8")).strip()
@@ -145,17 +152,17 @@ def _text(where: str, file: BinaryIO, allowed: str) -> Iterator[dict[str, Any]]:
         if first:
             break
     if not first:
-        raise InputError(where, "it is empty.", allowed)
+        raise wrong_file(path, "an empty file", allowed)
     last = not any(line.strip() for line in file)
     file.seek(0)
     table = not first.startswith(("{", "["))
     with io.TextIOWrapper(file, "utf-8-sig", newline="" if table else "\n") as text:
         if table:
-            yield from _csv(where, text)
+            yield from _csv(path, text, columns, allowed)
         elif not last and _is_object(first):
             yield from _lines(where, text, allowed)
         else:
-            yield from _document(where, text.read(), allowed)
+            yield from _document(path, text.read(), columns, allowed)
 
 
 def _is_object(line: str) -> bool:
@@ -166,14 +173,19 @@ def _is_object(line: str) -> bool:
         return False
 
 
-def _document(where: str, text: str, allowed: str) -> Iterable[dict[str, Any]]:
+def _document(
+    path: Path, text: str, columns: Collection[str] | None, allowed: str
+) -> Iterable[dict[str, Any]]:
+    where = str(path)
     try:
         whole = from_json(text)
     except json.JSONDecodeError:
         return _lines(where, io.StringIO(text, newline="\n"), allowed)
     rows = whole.get("episodes", [whole]) if isinstance(whole, dict) else whole
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise InputError(where, "JSON, but no results.", allowed)
+        raise wrong_file(path, "JSON, but no results", allowed)
+    if rows:
+        refuse_other_columns(path, rows[0], columns, allowed)
     if _HALF in text.lower():
         for number, row in enumerate(rows, 1):
             _whole_characters(where, number, row)
@@ -198,9 +210,14 @@ def _lines(where: str, text: TextIO, allowed: str) -> Iterator[dict[str, Any]]:
             yield row
 
 
-def _csv(where: str, text: TextIO) -> Iterator[dict[str, Any]]:
+def _csv(
+    path: Path, text: TextIO, columns: Collection[str] | None, allowed: str
+) -> Iterator[dict[str, Any]]:
+    where = str(path)
     try:
-        for number, entry in enumerate(csv.DictReader(text), 1):
+        table = csv.DictReader(text)
+        refuse_other_columns(path, table.fieldnames or (), columns, allowed)
+        for number, entry in enumerate(table, 1):
             row = {name: from_cell(x) if isinstance(x, str) else x for name, x in entry.items()}
             place = f"{where}, row {number}"
             if row.get(None):

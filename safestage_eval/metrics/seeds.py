@@ -102,11 +102,17 @@ class Rate:
     def std(self) -> float | None:
         """Percentage points: the sample standard deviation (n - 1) of the seeds' rates.
 
-        None with fewer than two seeds, or where a seed is unknown.
+        None with fewer than two seeds or rollouts of a seed, or where a seed is unknown: rates of
+        single rollouts are 0 or 100 % and spread by nothing else.
         """
-        if None in self.per_seed or self.n_seeds < 2:
+        if None in self.per_seed or self.n_seeds < 2 or self.single_rollouts:
             return None
         return stdev(self._percents)
+
+    @property
+    def single_rollouts(self) -> bool:
+        """Whether a seed has but one decided outcome."""
+        return any(n < 2 for _, n in self.per_seed.values())
 
     @property
     def _percents(self) -> list[float]:
@@ -134,7 +140,9 @@ class Rate:
             return "no episodes"
         if None in self.per_seed:
             return "some episodes name no seed: all are pooled"
-        return "one seed: no deviation" if self.n_seeds < 2 else ""
+        if self.n_seeds < 2:
+            return "one seed: no deviation"
+        return "a seed has one rollout: no deviation" if self.single_rollouts else ""
 
 
 def total(parts: Iterable[Rates]) -> Rates:

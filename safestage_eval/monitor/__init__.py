@@ -1,7 +1,5 @@
 """Rules watched while a rollout is still going on."""
 
-from safestage_eval.verdicts.look_ahead import Foresight
+from .monitor import Monitor, Recording
 
-from .monitor import Monitor, Recording, foresight
-
-__all__ = ["Foresight", "Monitor", "Recording", "foresight"]
+__all__ = ["Monitor", "Recording"]

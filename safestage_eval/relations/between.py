@@ -10,26 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.contact_sums import ONE_STEP
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.missing_values import TWIST
 from safestage_eval.evidence.motion import derived
-from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.group_clearance import motion_bound
-from safestage_eval.geometry.mover import Mover
+
+from .proximity import TOUCH
 
 if TYPE_CHECKING:
+    from safestage_eval.evidence.measure import Signals
+
     from .support_facts import Support
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 
 
+def may_meet(signals: Signals, i: int, j: int) -> Bool:
+    """(T,) two bodies (indices) may have come within ``TOUCH`` at the frame or since the one before.
+
+    What has no shape may be anywhere; a mere frame touches nothing.
+    """
+    names = [signals.episode.header.bodies[k].name for k in (i, j)]
+    if signals.movers.unseen(names):
+        return np.ones(len(signals.episode), np.bool_)
+    if len(signals.movers.of(names)) < len(names):
+        return np.zeros(len(signals.episode), np.bool_)
+    at_start = signals.get("clearance", names, reach=3 * TOUCH).lower[:1] <= TOUCH
+    return np.append(at_start, _near(signals, names[0], names[1], TOUCH))
+
+
 def may_touch_between(relations: Support, a: str, b: str, where: Bool) -> Bool:
     """(T,) where two bodies or unions may come to touch after a sample and before the next.
 
-    If they are d and e apart at two samples and their distance changes by m at most on the way, they
-    come no nearer than (d + e − m) / 2. m is the way from pose to pose, or that of the recorded
-    velocities over the time between, whichever is longer: what comes and goes again ends where it
-    began. Without shapes nothing bounds how near they came.
+    Without shapes nothing bounds how near they came.
 
     Args:
         relations: of the episode.
@@ -46,11 +60,11 @@ def may_touch_between(relations: Support, a: str, b: str, where: Bool) -> Bool:
     for one in shaped[0]:
         for other in shaped[1]:
             if one != other:
-                out[:-1] |= _near(relations, one, other, where[:-1])
+                out[:-1] |= where[:-1] & _near(relations.signals, one, other)
     return out
 
 
-def with_missed_peaks(relations: Support, bodies: Sequence[str], recorded: Series) -> Series:
+def with_missed_peaks(relations: Support, bodies: Sequence[str], recorded: Interval) -> Interval:
     """A peak force (T,), of any size where the recording may have missed one.
 
     That is between two samples further apart than frames are, and between any two if the peaks are
@@ -90,39 +104,40 @@ def with_missed_peaks(relations: Support, bodies: Sequence[str], recorded: Serie
     )
 
 
-def _near(relations: Support, a: str, b: str, where: Bool) -> Bool:
-    """(T − 1,) of two bodies, after each sample but the last."""
-    movers, signals = relations.signals.movers, relations.signals
-    way = motion_bound(movers[a], movers[b])
-    way = np.maximum(way, _travel(relations, a) + _travel(relations, b))
-    reach = float(way[where].max(initial=0.0))
+def _near(signals: Signals, a: str, b: str, touch: float = 0.0) -> Bool:
+    """(T − 1,) of two bodies with shapes, after each sample but the last.
+
+    If they are d and e apart at two samples and their distance changes by m at most on the way, they
+    come no nearer than (d + e − m) / 2. m is the way from pose to pose, or that of the recorded
+    velocities over the time between, whichever is longer: what comes and goes again ends where it
+    began.
+    """
+    way = motion_bound(signals.movers[a], signals.movers[b])
+    way = np.maximum(way, _travel(signals, a) + _travel(signals, b))
+    reach = float(way.max(initial=0.0)) + 3 * touch
     if reach <= 0:
         return np.zeros(len(way), np.bool_)
-    apart = np.maximum(signals.get("clearance", (a, b), reach=reach).lower, 0.0)
-    return np.asarray(where & (way > 0) & (apart[:-1] + apart[1:] <= way))
+    apart = signals.get("clearance", (a, b), reach=reach).lower
+    apart = apart if touch else np.maximum(apart, 0.0)
+    return ((way > 0) | (touch > 0)) & (apart[:-1] + apart[1:] <= way + 2 * touch)
 
 
-def _travel(relations: Support, name: str) -> F64:
+def _travel(signals: Signals, name: str) -> F64:
     """(T − 1,) m, how far any point goes between two samples at the faster of their velocities.
 
     Where none was recorded, at the speed between these two samples, or the two before or behind them.
     """
-    episode = relations.episode
-    if len(episode.tracks[name]) == 1:
-        return np.zeros(len(episode) - 1)
-    track, mover = episode.tracks[name], relations.signals.movers[name]
+    episode, track = signals.episode, signals.episode.tracks[name]
+    seconds, mover = np.diff(episode.t), signals.movers[name]
+    if len(track) == 1:
+        return np.zeros(len(seconds))
     if any(derived(episode, name, column) for column in TWIST):
-        fast = mover.steps / np.diff(episode.t)
-        beside = np.pad(fast, 1)
-        return np.asarray(np.maximum.reduce([beside[:-2], fast, beside[2:]]) * np.diff(episode.t))
-    speed = _length(track.linear_velocity) + _length(track.angular_velocity) * _size(mover)
-    return np.asarray(np.maximum(speed[:-1], speed[1:]) * np.diff(episode.t))
-
-
-def _size(mover: Mover) -> float:
-    """M, from the origin of the body's frame to its farthest point at most."""
-    return float(np.linalg.norm(mover.shape.centre) + mover.shape.radius)
-
-
-def _length(vectors: NDArray[np.float32]) -> F64:
-    return np.asarray(np.linalg.norm(vectors.astype(np.float64), axis=1))
+        beside = np.pad(mover.steps / seconds, 1)
+        return np.asarray(np.maximum.reduce([beside[:-2], beside[1:-1], beside[2:]]) * seconds)
+    size = float(np.linalg.norm(mover.shape.centre) + mover.shape.radius)
+    straight, turning = (
+        np.linalg.norm(v.astype(np.float64), axis=1)
+        for v in (track.linear_velocity, track.angular_velocity)
+    )
+    speed = straight + turning * size
+    return np.asarray(np.maximum(speed[:-1], speed[1:]) * seconds)

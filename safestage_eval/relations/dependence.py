@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.contacts import Pair
 from safestage_eval.evidence.contact_sums import ContactSums
 from safestage_eval.evidence.missing_values import Gaps
 
-from .arrangement import Arrangement
-from .chains import Chains
-from .collapse import collapse
-from .gathering import Contacts, Gathering
+from .arrangement import Cluster, Recording
 from .graph import SupportGraph
-from .near import Neighbours
-from .reached import BRIEF, PATIENT
+from .near import Neighbours, Patch
+from .statics import fallen
 
 Bool = NDArray[np.bool_]
-Frames = NDArray[np.intp]
-
-STANDS, FALLS, OPEN = 0, 1, -1
+Contacts = list[tuple[Pair, Patch]]
 
 
 @dataclass
@@ -33,35 +30,27 @@ class Answer:
         falls: (T,) it does.
         open: (T,) it may.
         done: (T,) where it is known whether.
-        part: (T,) over each part the contact points that touch are equal, or nobody touches what
-            hangs together; −1 where nothing joins the two.
-        look: (T,) the frame to look at instead of this one; −1 where that is not known yet.
     """
 
     falls: Bool
     open: Bool
     done: Bool
-    part: NDArray[np.int32]
-    look: Frames
 
 
 class Dependence:
     """The collapse set of removing a body.
 
     Take a body away. Those fall that no forces within the friction cones of the remaining contacts
-    can balance: one problem over all bodies that contacts join, with equal and opposite forces at
-    each contact (``statics``), and compared with what is out of balance before anything is
-    taken away. What is in balance is asked again with contacts that give and slip: what the forces
-    that act now never come to hold falls as well (``reached``). What fell is taken away too, until
-    nothing more falls (``collapse``).
+    can balance: one problem over all bodies that contacts join (``statics.fallen``), found once
+    for each stretch of frames over which they lie alike (``arrangement``).
 
-    Contacts that exchange a force at the frame count. What falls with them alone is asked again with
-    all points that are within ``NEAR`` and carry nothing yet: what falls even then depends, what
-    stands then is open.
+    Contacts that exchange a force count. What falls with them alone is asked again with all points
+    that are within ``NEAR`` and carry nothing yet: what falls even then depends, what stands then is
+    open.
 
     Any body can be taken away but the robot: with a drawer goes what is jointed to it. The robot's
     contacts hold what they touch. The parts of an object that are jointed together (a jar and its
-    lid) stand and fall together.
+    lid) stand and fall together. Bodies are indices into ``header.bodies``.
     """
 
     def __init__(
@@ -69,182 +58,139 @@ class Dependence:
     ) -> None:
         """Nothing is computed before it is asked for."""
         self._episode, self._sums, self._gaps = episode, sums, gaps
-        self._parts = graph.assemblies.of
-        self._hanging = graph.assemblies.hanging
-        self._free = graph.assemblies.free
-        self._robot = graph.assemblies.robot  # an immobile base counts as a fixture
-        self._arrangement = Arrangement(episode)
-        self._chains = Chains(len(episode), graph.assemblies, sums, self._arrangement)
-        self._gathering = Gathering(episode, graph.assemblies, self._arrangement)
-        self._neighbours = Neighbours(episode, self._robot)
+        self._assemblies = graph.assemblies
+        self._recording = Recording(episode, graph.assemblies)
+        self._neighbours = Neighbours(episode, graph.assemblies.robot)
+        self._clusters: dict[int, Cluster] = {}
+        self._measured: dict[int, Bool] = {}
         self._answers: dict[tuple[int, int], Answer] = {}
+        self._found: dict[tuple[int, int, int], tuple[set[int], set[int]]] = {}
 
     def beside(self, body: int) -> set[str]:
         """Names of the free bodies that contacts among free bodies ever join to the given one."""
-        near = {body, *(b for pair in self._chains.cluster(body) for b in pair)} & self._free
-        return {self._episode.header.bodies[b].name for b in near}
+        near = {body, *(b for pair in self._cluster(body).pairs for b in pair)}
+        return {self._episode.header.bodies[b].name for b in near & self._assemblies.free}
+
+    def answered(self, body: int, on: int) -> Bool:
+        """(T,) where it was computed already whether ``body`` falls when ``on`` is removed."""
+        return self._answer(body, on).done
 
     def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> tuple[Bool, Bool]:
         """(T,) true where ``body`` falls when ``on`` is removed; and (T,) where that is open.
 
-        Found out anew where the contact points of the bodies that hang together with it changed or
-        moved by what makes a difference, and kept between; as long as nobody touches them and none
-        has moved by ``STAYS``, it does not change. Only the ``wanted`` frames (T,) of the answer
-        mean anything; all of them if None.
+        Only the ``wanted`` frames (T,) of the answer mean anything; all of them if None.
         """
-        answer = self._answer_of(body, on)
-        missing = ~answer.done if wanted is None else np.greater(wanted, answer.done)
+        answer = self._answer(body, on)
+        missing = ~answer.done if wanted is None else wanted & ~answer.done
         if missing.any():
-            self._find(body, on, answer, missing)
+            first = self._cluster(body).stretch(body)
+            for begin in np.unique(first[missing]).tolist():
+                alike = np.flatnonzero((first == begin) & ~answer.done)
+                falls, caught = self._collapse(body, on, begin)
+                answer.falls[alike] = body in falls
+                answer.open[alike] = body in caught
+                answer.done[alike] = True
         return answer.falls, answer.open
 
-    def answered(self, body: int, on: int) -> Bool:
-        """(T,) where it was computed already whether ``body`` falls when ``on`` is removed."""
-        return self._answer_of(body, on).done
-
-    def _answer_of(self, body: int, on: int) -> Answer:
+    def _answer(self, body: int, on: int) -> Answer:
         if (body, on) not in self._answers:
-            never = np.zeros(len(self._episode), np.bool_)
-            nowhere = np.full(len(never), -1, np.int32)
-            if body not in self._free or on in self._robot or body == on:
-                answer = Answer(never, never, ~never, nowhere, nowhere.astype(np.intp))
-            elif body in self._removed(on):
-                answer = Answer(~never, never, ~never, nowhere, nowhere.astype(np.intp))
-            else:
-                answer = Answer(never, never, never, *self._alike(body, on))
-                answer.done = answer.part < 0
-            self._answers[body, on] = answer
+            falls, open_ = np.zeros((2, len(self._episode)), np.bool_)
+            done = np.ones(len(falls), np.bool_)
+            if body in self._assemblies.free and on not in self._assemblies.robot and body != on:
+                removed = self._removed(on)
+                if body in removed:
+                    falls[:] = True
+                else:
+                    done = ~self._cluster(body).linked(body, removed)
+            self._answers[body, on] = Answer(falls, open_, done)
         return self._answers[body, on]
 
-    def _find(self, body: int, on: int, answer: Answer, missing: Bool) -> None:
-        """Judge the frames that are to be looked at for those that are asked for (T,)."""
-        cut = np.flatnonzero(missing & (answer.look < 0))
-        if len(cut):
-            last = np.full(answer.part.max() + 1, -1)
-            last[answer.part[cut]] = cut
-            frames = np.flatnonzero(answer.part >= 0)
-            frames = frames[frames <= last[answer.part[frames]]]
-            answer.look[frames] = self._arrangement.stretches(
-                self._chains.cluster(body), frames, answer.part[frames]
-            )
-        looked = np.unique(answer.look[missing])
-        outcome = self._judge(body, on, looked)
-        alike = np.isin(answer.look, looked)
-        truth = np.full(len(alike), STANDS, np.int8)
-        truth[alike] = outcome[looked.searchsorted(answer.look[alike])]
-        answer.falls = answer.falls | (truth == FALLS)
-        answer.open = answer.open | (truth == OPEN)
-        answer.done = answer.done | alike
-
     def _removed(self, body: int) -> set[int]:
-        return set(self._parts(body)) if body in self._free else set(self._hanging(body))
+        """What goes when a body is taken away."""
+        assemblies = self._assemblies
+        return assemblies.of(body) if body in assemblies.free else assemblies.hanging(body)
 
-    # ------------------------------------------------------------------ at some frames
+    def _cluster(self, body: int) -> Cluster:
+        if body not in self._clusters:
+            members, todo = {body}, [body]
+            while todo:
+                at = todo.pop()
+                near = self._assemblies.of(at).union(self._sums.beside(at)) & self._assemblies.free
+                todo += near - members
+                members |= near
+            members &= self._assemblies.free
+            beside = {b: self._sums.beside(b) for b in members | {body}}
+            pairs = sorted({(min(b, o), max(b, o)) for b, others in beside.items() for o in others})
+            cluster = Cluster(self._recording, members, pairs)
+            self._clusters.update(dict.fromkeys(members | {body}, cluster))
+        return self._clusters[body]
 
-    def _judge(self, body: int, on: int, frames: Frames) -> NDArray[np.int8]:
-        """(F,) what becomes of one when the other is taken away at each frame."""
-        joined = self._chains.joined(body)
-        there = {b for b, present in joined.items() if present[frames].any()}
-        pairs = [pair for pair in self._chains.cluster(body) if not there.isdisjoint(pair)]
-        contacts = self._gathering.contacts(frames, pairs)
-        falls, gone = self._collapse(body, on, frames, contacts, PATIENT)
-        truth = np.where(falls, FALLS, STANDS).astype(np.int8)
-        if not falls.any():
-            return truth
-        loose = gone.copy()
-        loose[:, list(self._removed(on))] = False
-        bodies = np.flatnonzero(loose.any(axis=0))
-        near = self._neighbours.about(bodies, frames[falls]) & loose[falls][:, bodies, None]
-        catching = (near & ~gone[falls, None]).any(axis=(1, 2))
-        if catching.any():  # else there is nothing that could catch it
-            here = np.flatnonzero(falls)[catching]
-            beside = np.zeros((len(here), len(gone[0]), len(gone[0])), np.bool_)
-            beside[:, bodies] = near[catching]
-            contacts = self._with_near(body, on, frames[here], beside)
-            caught = ~self._collapse(body, on, frames[here], contacts, BRIEF)[0]
-            truth[here[caught]] = OPEN
-        return truth
+    def _usual(self, body: int, begin: int) -> int:
+        """The frame that stands for a stretch; one at which all contacts are known if there is one."""
+        cluster = self._cluster(body)
+        if body not in self._measured:
+            self._sums.look(set(cluster.pairs))
+            lost = self._gaps.of_pairs(cluster.pairs)
+            never = np.zeros(len(self._episode), np.bool_)
+            self._measured[body] = ~(never if lost is None else lost)
+        frames = np.flatnonzero(cluster.stretch(body) == begin)
+        known = frames[self._measured[body][frames]]
+        return cluster.usual(known if len(known) else frames)
 
-    def _collapse(
-        self, body: int, on: int, frames: Frames, contacts: Contacts, rounds: int
-    ) -> tuple[Bool, Bool]:
-        """(F,) a body falls when another is taken away; (F, N) what is away then."""
-        head, removed = self._gathering.head, self._removed(on)
-        heads = sorted(
-            {head(b) for pair in contacts for b in pair if b in self._free} | {head(body)}
-        )
-        pile = self._gathering.pile(heads, contacts, frames)
-        off = np.array([not removed.isdisjoint(pair) for pair in contacts], np.bool_)
-        at = heads.index(head(on)) if on in self._free and head(on) in heads else -1
-        push, fallen = collapse(pile, heads.index(head(body)), at, off, rounds)
-        gone = np.zeros((len(frames), len(self._episode.header.bodies)), np.bool_)
-        gone[:, list(removed)] = True
-        for k, h in enumerate(heads):
-            gone[:, list(self._parts(h))] |= fallen[:, k, None]
-        return push >= 0, gone
+    def _collapse(self, body: int, on: int, begin: int) -> tuple[set[int], set[int]]:
+        """What falls when one is taken away, of all that hang together with a body over a stretch.
 
-    def _with_near(self, body: int, on: int, frames: Frames, beside: Bool) -> Contacts:
-        """The contacts at frames (F,), with points within ``NEAR`` that carry nothing yet.
-
-        ``beside`` (F, N, N): bodies about which it is asked what is near, and what may be.
+        And what falls, but for points that are near and carry nothing yet.
         """
-        contacts: Contacts = {}
-        beside |= beside.swapaxes(1, 2)
-        for i, j in np.argwhere(np.triu(beside.any(axis=0))).tolist():
-            if self._removed(on).isdisjoint((i, j)) and i not in self._parts(j):
-                at = np.flatnonzero(beside[:, i, j])
-                patch, count = self._neighbours.patches(i, j, frames[at])
-                many = np.zeros(len(frames), np.int64)
-                many[at] = count
-                if len(patch.normal):
-                    contacts[i, j] = patch, many
-        clusters = {body, *(b for pair in contacts for b in pair)} & self._free
-        pairs = dict.fromkeys(pair for b in clusters for pair in self._chains.cluster(b))
-        for pair, touching in self._gathering.contacts(frames, pairs).items():
-            both = contacts.get(pair)
-            contacts[pair] = self._gathering.together(touching, both) if both else touching
-        return contacts
+        cluster = self._cluster(body)
+        joined = cluster.joined(body)[:, begin]
+        bodies = [b for b, with_it in zip(cluster.free, joined, strict=True) if with_it]
+        key = (bodies[0], on, begin)
+        if key not in self._found:
+            frame = self._usual(body, begin)
+            falls = self._falls(bodies, on, self._contacts([cluster], frame), frame)
+            caught = self._caught(falls, on, frame) if falls else set()
+            self._found[key] = falls - caught, caught
+        return self._found[key]
 
-    # ------------------------------------------------------------------ over time
+    def _contacts(self, clusters: Iterable[Cluster], frame: int) -> Contacts:
+        """All contact points of clusters at a frame that carry something."""
+        pairs = dict.fromkeys(pair for cluster in clusters for pair in cluster.pairs)
+        return [(pair, self._recording.points(pair, frame)) for pair in pairs]
 
-    def _measured(self, body: int) -> Bool:
-        """(T,) the contacts of all that ever hangs together with a body are known."""
-        pairs = self._chains.cluster(body)
-        self._sums.look(set(pairs))
-        lost = self._gaps.of_pairs(pairs)
-        return np.ones(len(self._episode), np.bool_) if lost is None else ~lost
+    def _falls(self, bodies: Iterable[int], on: int, contacts: Contacts, frame: int) -> set[int]:
+        """Which of some bodies fall when one is taken away."""
+        free, removed, of = self._assemblies.free, self._removed(on), self._assemblies.of
+        heads = sorted({min(of(b) & free) for b in bodies})
+        members = set().union(*map(of, heads))
+        contacts = [
+            (pair, points)
+            for pair, points in contacts
+            if len(points.friction) and not members.isdisjoint(pair) and pair[0] not in of(pair[1])
+        ]
+        pile = self._recording.pile(heads, contacts, frame)
+        off = [not removed.isdisjoint(pair) for pair, points in contacts for _ in points.friction]
+        gone = np.array([head in removed for head in heads])
+        falls = fallen(pile, gone, np.array(off, np.bool_)) & ~gone
+        return set().union(*(of(head) for head, down in zip(heads, falls, strict=True) if down))
 
-    def _alike(self, body: int, on: int) -> tuple[NDArray[np.int32], Frames]:
-        """``part`` and ``look``; only frames at which a chain of contacts joins the two."""
-        frames = len(self._episode)
-        joined = self._chains.linked(body, on)
-        loose = ~self._chains.handled(body)
-        quiet = joined & loose
-        signature = self._chains.signature(body)
-        part, look = np.full(frames, -1, np.int32), np.full(frames, -1, np.intp)
-        joins, calms = np.flatnonzero(joined), np.flatnonzero(quiet)
-        hanging = {**self._chains.joined(body), on: np.ones(frames, np.bool_)}
-        changes = signature[1:] != signature[:-1]
-        measured = self._measured(body)
-        cursor = parts = 0
-        while (at := int(joins.searchsorted(cursor))) < len(joins):
-            first = int(joins[at])
-            if quiet[first]:
-                begin, cursor = self._arrangement.stay(hanging, loose, first, cursor)
-                usable = begin + np.flatnonzero(measured[begin:cursor])
-                usable = usable if len(usable) else np.arange(begin, cursor)
-                kinds = signature[usable]
-                at = 0  # as it is most often, where it is measured
-                if (kinds != kinds[0]).any():
-                    _, place, many = np.unique(kinds, return_index=True, return_counts=True)
-                    at = int(place[many.argmax()])
-                look[begin:cursor] = usable[at]
-                part[begin:cursor] = parts
-                parts += 1
-            else:
-                calm = int(calms.searchsorted(first))
-                cursor = int(calms[calm]) if calm < len(calms) else frames
-                kind = parts + np.append(0, changes[first : cursor - 1].cumsum())
-                part[first:cursor] = np.where(joined[first:cursor], kind, -1)
-                parts = int(kind[-1]) + 1
-        return part, look
+    def _caught(self, falls: set[int], on: int, frame: int) -> set[int]:
+        """What of all that falls is held where points bear that are near and carry nothing yet."""
+        at, loose = np.array([frame]), sorted(falls)
+        beside = self._neighbours.about(np.array(loose), at)[0]
+        gone, of = falls | self._removed(on), self._assemblies.of
+        if not (beside & ~np.isin(np.arange(beside.shape[1]), sorted(gone))).any():
+            return set()
+        near = {(min(i, j), max(i, j)) for i, row in zip(loose, beside, strict=True)
+                for j in np.flatnonzero(row).tolist()}  # fmt: skip
+        contacts = []
+        for i, j in sorted(near):
+            if self._removed(on).isdisjoint((i, j)) and i not in of(j):
+                points = self._neighbours.patches(i, j, at)[0]
+                # nothing presses there yet, so friction cannot wedge anything
+                contacts.append(((i, j), points._replace(friction=0 * points.friction)))
+        bodies = {b for pair, points in contacts if len(points.friction) for b in pair} | falls
+        clusters = {id(c): c for c in map(self._cluster, sorted(bodies & self._assemblies.free))}
+        contacts += self._contacts(clusters.values(), frame)
+        bodies = {b for cluster in clusters.values() for b in cluster.free}
+        return falls - self._falls(bodies, on, contacts, frame)

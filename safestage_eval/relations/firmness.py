@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.contact_sums import ContactSums
 from safestage_eval.evidence.facts import Movers
+from safestage_eval.evidence.intervals import Interval, exact
 from safestage_eval.evidence.motion import com_position
-from safestage_eval.evidence.series import Series, exact
+from safestage_eval.geometry.footprint import outline_margin
+from safestage_eval.geometry.polygon import polygon_margin
 from safestage_eval.geometry.pose import angle
-from safestage_eval.geometry.shared_outline import outline_margin
-from safestage_eval.geometry.stability import polygon_margin
 
 from .graph import LEAST_SHARE, SupportGraph
 
@@ -91,7 +91,7 @@ class Loads:
         self._gravity = float(np.linalg.norm(episode.header.gravity))
         self._com: dict[int, F64] = {}
 
-    def share(self, body: int, by: int) -> Series:
+    def share(self, body: int, by: int) -> Interval:
         """(T,) share of the upward forces on a body that another exerts; 0 where none bears it.
 
         Every other body counts towards the whole, the robot as well.

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Body, Episode
 from safestage_eval.evidence.contact_sums import ContactSums
-
-from .assembly import Assemblies
 
 Bool = NDArray[np.bool_]
 
@@ -23,6 +21,80 @@ LIGHT = 0.02
 """kg: what weighs less may be borne by less than the rounding of what else presses on it."""
 LEAST_SHARE = 0.10
 """Share of a body's weight below which a contact does not bear it."""
+
+
+class Assemblies:
+    """Where the chain of parents of each body ends; bodies are indices into ``header.bodies``.
+
+    A drawer hangs on its cabinet, and stays in its place. The lid of a jar goes where the jar goes:
+    the parts of a free object are borne, carried and lost together, as if their hinge were locked.
+
+    Attributes:
+        robot: the moving bodies of the robot.
+        fixed: what its joints hold in its place, however it may turn or slide there.
+        free: objects, and parts of objects, that nothing but contact holds.
+    """
+
+    def __init__(self, bodies: Sequence[Body]) -> None:
+        """``bodies``: of one header."""
+        index = {body.name: i for i, body in enumerate(bodies)}
+        self.robot = {
+            i for i, body in enumerate(bodies) if body.kind in ("robot", "gripper") and body.movable
+        }
+        self._children: dict[int, set[int]] = {}
+        for i, body in enumerate(bodies):
+            if body.parent in index:
+                self._children.setdefault(index[body.parent], set()).add(i)
+        self._root = [self._end(bodies, index, i) for i in range(len(bodies))]
+        self.fixed = {i for i, root in enumerate(self._root) if root is None}
+        self.free = {
+            i
+            for i, root in enumerate(self._root)
+            if root is not None and bodies[i].kind == "object" and bodies[root].kind == "object"
+        }
+        self._parts: dict[int, set[int]] = {}
+        for i, root in enumerate(self._root):
+            if root is not None and i not in self.robot:
+                self._parts.setdefault(root, set()).add(i)
+
+    def of(self, body: int) -> set[int]:
+        """The body and the other parts of the object that it is a part of."""
+        root = self._root[body]
+        return {body} if root is None else self._parts.get(root, set()) | {body}
+
+    def hanging(self, body: int) -> set[int]:
+        """The body and all that is jointed to it, directly or not: a cabinet and its drawers."""
+        hanging, todo = {body}, [body]
+        while todo:
+            more = self._children.get(todo.pop(), set()) - hanging
+            hanging |= more
+            todo += more
+        return hanging
+
+    def on_robot(self, body: int) -> bool:
+        """Jointed to the robot, though no part of it: a tool on its flange."""
+        return self._root[body] in self.robot and body not in self.robot
+
+    def _end(self, bodies: Sequence[Body], index: dict[str, int], body: int) -> int | None:
+        """The last body of the chain that still moves freely, or with the robot; None: none does.
+
+        A chain ends at a body that never moves, at a fixture, or at a parent that is no body of the
+        trace (the world); at the robot; or at an object without parent.
+        """
+        seen: set[int] = set()
+        while body not in seen:
+            seen.add(body)
+            now = bodies[body]
+            if not now.movable:
+                return None
+            if body in self.robot:
+                return body
+            if now.parent is None:
+                return None if now.kind == "fixture" else body
+            if now.parent not in index:
+                return None
+            body = index[now.parent]
+        return None
 
 
 class Bearing(Protocol):
@@ -55,7 +127,7 @@ class ByForce:
             if sure and body.mass is None
             else LEAST_LOAD
             if body.mass is None
-            else max(LEAST_SHARE * body.mass * gravity + (noise if sure else -noise), 1e-9)
+            else LEAST_SHARE * body.mass * gravity + (noise if sure else -noise)
             for body, noise in zip(episode.header.bodies, _noise(episode, sums), strict=True)
         ]
         """Per body the upward force in N that bears it."""
@@ -66,20 +138,33 @@ class ByForce:
 
     def bears(self, bearer: int, borne: int) -> Bool:
         """(T,) true where the force on it is upward and at least a tenth of its weight."""
-        return self._sums.upward(borne, bearer) >= self.least[borne]
+        least, upward = self.least[borne], self._sums.upward(borne, bearer)
+        if least > 0:
+            return upward >= least
+        return (upward > 0) | ((upward >= least) & self._sums.recorded(borne, bearer))
 
     def lifted(self, body: int, by: Iterable[int], held: Bool) -> Bool:  # noqa: ARG002
         """(T,) true where the sum of their forces is, held or not."""
         total = sum((self._sums.upward(body, other) for other in by), np.zeros(self._frames))
-        return np.asarray(total >= self.least[body])
+        return np.asarray(total >= max(self.least[body], 1e-9))
 
 
 def _noise(episode: Episode, sums: ContactSums) -> list[float]:
-    """N of each body: by how much the sum of forces on it may be wrong; 0 unless it is light."""
+    """N of each body: by how much the sum of forces on it may be wrong; 0 unless it is light.
+
+    A step in which forces were stored counts where it is more than what bears the body.
+    """
+    gravity, (share, step) = float(np.linalg.norm(episode.header.gravity)), sums.rounding
+
+    def noise(i: int, mass: float) -> float:
+        found = step if step > LEAST_SHARE * mass * gravity else 0.0
+        if mass < LIGHT:
+            most = max((float(sums.normal(i, j).max()) for j in sums.beside(i)), default=0.0)
+            found += max(ROUNDING, share) * most
+        return found
+
     return [
-        ROUNDING * max((float(sums.normal(i, j).max()) for j in sums.beside(i)), default=0.0)
-        if body.mass is not None and body.kind == "object" and body.mass < LIGHT
-        else 0.0
+        noise(i, body.mass) if body.mass is not None and body.kind == "object" else 0.0
         for i, body in enumerate(episode.header.bodies)
     ]
 

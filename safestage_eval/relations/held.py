@@ -98,21 +98,22 @@ def may_differ(episode: Episode, body: int, beside: Iterable[int], at: Bool, hel
     for sides in _grippers(episode, body, beside).values():
         if len(sides) < 2:
             continue
-        for frame in np.flatnonzero(at & ~out).tolist():
-            left, right = (_inward(episode, body, fingers, frame) for fingers in sides.values())
-            opposed = left @ right.T <= 0
+        (when, left), (then, right) = (_inward(episode, body, f) for f in sides.values())
+        for frame in np.intersect1d(when, then[at[then] & ~out[then]]).tolist():
+            opposed = left[when == frame] @ right[then == frame].T <= 0
             out[frame] = opposed.any() and not (held[frame] and opposed.all())
     return out
 
 
-def _inward(episode: Episode, body: int, fingers: Iterable[int], frame: int) -> F64:
-    """(C, 3) normals into the body of all contacts with fingers at a frame."""
-    found = [np.zeros((0, 3))]
+def _inward(episode: Episode, body: int, fingers: Iterable[int]) -> tuple[NDArray[np.intp], F64]:
+    """Of all contacts with fingers the frames (C,), and the normals (C, 3) into the body."""
+    frames, normals = [np.zeros(0, np.intp)], [np.zeros((0, 3))]
     for finger in fingers:
         pair = (min(finger, body), max(finger, body))
-        frames, normal = episode.contacts.of_pair(pair, "frame", "normal")
-        found.append((1.0 if body > finger else -1.0) * normal[frames == frame])
-    return np.concatenate(found)
+        frame, normal = episode.contacts.of_pair(pair, "frame", "normal")
+        frames.append(frame)
+        normals.append((1.0 if body > finger else -1.0) * normal)
+    return np.concatenate(frames), np.concatenate(normals)
 
 
 def _pressure(episode: Episode, body: int, fingers: Iterable[int]) -> tuple[F64, F64]:

@@ -92,7 +92,7 @@ class Proximity:
 
     def between(self, body: int, left: int, right: int, rows: NDArray[np.intp]) -> Bool:
         """(N,) two fingers that touch the body have it between them."""
-        way = self._mover(left).at(rows).motion.centre - self._mover(right).at(rows).motion.centre
+        way = self._mover(left).at(rows).centre - self._mover(right).at(rows).centre
         long = np.linalg.norm(way, axis=1, keepdims=True)
         way /= np.where(long > 0, long, 1.0)
         between = np.ones(len(rows), np.bool_)

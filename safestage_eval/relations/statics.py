@@ -1,24 +1,19 @@
-"""Which bodies of a group start to move, given where they touch: equilibrium with dry friction.
+"""Which bodies of a pile fall when one is taken away: equilibrium with dry friction.
 
-Forces within the friction cones, equal and opposite on both bodies, are chosen such that what stays
-unbalanced moves all bodies together as little as can be (Gauss's principle of least constraint;
-``cones.balance``). If some forces balance all bodies, those are found and nothing moves: whether they
-exist is the linear program of Baraff 1991, "Coping with friction for non-penetrating rigid body
-simulation". If not, the motion is the only one of least constraint, and tells which bodies fall. A body's
-motion is the root of the mean square acceleration of its mass.
+Forces within the friction cones of all contacts, equal and opposite on both bodies, are chosen such that
+what stays unbalanced moves all bodies together as little as can be (Gauss's principle of least
+constraint): non-negative least squares over the edges of the cones. If some forces balance all bodies
+(Baraff 1991, "Coping with friction for non-penetrating rigid body simulation"), those are found and
+nothing moves; if not, the motion tells which bodies fall. They are taken away too, until no more fall.
+A body's motion is the root of the mean square acceleration of its mass.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from safestage_eval._process.compiled import helper, kernel
-
-from .cones import CONE_SIDES, COS, SIN, Cones
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
@@ -28,32 +23,37 @@ LOST = 0.02
 """Share of g: what starts to move by less is kept in its place by what no recording tells."""
 ARM = 0.05
 """m: the lever by which torques are compared with forces; radius of gyration where none is stated."""
+CONE_SIDES = 16
+"""Edges of the pyramid that stands for a friction cone: within 2 % of its friction."""
+TOLERANCE = 1e-6
+"""Share of the total weight: forces that improve the balance by less are not looked for."""
+PUSHES = 0.02 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+"""Shares of g along x and y: what falls as soon as the ground tilts by 1.1° falls. An equilibrium
+that needs every contact to give its utmost exists on paper only. What is in balance under all of them
+is so on level ground too: weights that can be balanced are a convex set."""
+
+_ANGLES = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
+_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
+"""An arm (3,) @ it, as (3, 3), makes torques of forces."""
+_AROUND = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
 
 
-class Bodies(NamedTuple):
-    """B rigid bodies.
+class Pile(NamedTuple):
+    """B bodies and C points in which they touch each other or what holds still (−1).
 
     Attributes:
         mass: (B,) kg.
         centre: (B, 3) m, centres of mass, world.
         inertia: (B, 3, 3) kg m², about the centre of mass, world axes.
-    """
-
-    mass: F64
-    centre: F64
-    inertia: F64
-
-
-class Touches(NamedTuple):
-    """C points in which they touch each other or the ground (−1).
-
-    Attributes:
         first, second: (C,) bodies.
         position: (C, 3) m, world.
         normal: (C, 3) unit, from the first to the second.
         friction: (C,) sliding coefficients.
     """
 
+    mass: F64
+    centre: F64
+    inertia: F64
     first: I64
     second: I64
     position: F64
@@ -61,101 +61,109 @@ class Touches(NamedTuple):
     friction: F64
 
 
-@kernel
-def spread(bodies: Bodies, touches: Touches, count: int, cones: Cones) -> None:
-    """Fill in the cones of the first ``count`` contacts."""
-    for b in range(bodies.mass.shape[0]):
-        _whiten(bodies.inertia[b], cones.whiten[b])
-    for c in range(count):
-        cones.first[c], cones.second[c] = touches.first[c], touches.second[c]
-        nx, ny, nz = touches.normal[c, 0], touches.normal[c, 1], touches.normal[c, 2]
-        # u = n × x, or n × y where x is nearly n; v = n × u
-        ux, uy, uz = (0.0, nz, -ny) if abs(nx) < 0.9 else (-nz, 0.0, nx)
-        size = math.sqrt(ux * ux + uy * uy + uz * uz)
-        ux, uy, uz = ux / size, uy / size, uz / size
-        vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-        rough = touches.friction[c]
-        _act(bodies, touches, cones, c, 0, nx, ny, nz)
-        _act(bodies, touches, cones, c, 1, rough * ux, rough * uy, rough * uz)
-        _act(bodies, touches, cones, c, 2, rough * vx, rough * vy, rough * vz)
-        effect = cones.effect[c]
-        nn, nu, nv = (
-            _dot(effect[0], effect[0]),
-            _dot(effect[0], effect[1]),
-            _dot(effect[0], effect[2]),
-        )
-        uu, uv, vv = (
-            _dot(effect[1], effect[1]),
-            _dot(effect[1], effect[2]),
-            _dot(effect[2], effect[2]),
-        )
-        for k in range(CONE_SIDES):
-            x, y = COS[k], SIN[k]
-            square = nn + 2 * (x * nu + y * nv + x * y * uv) + x * x * uu + y * y * vv
-            cones.scale[c, k] = 1.0 / math.sqrt(square)
+def fallen(pile: Pile, gone: Bool, off: Bool) -> Bool:
+    """(B,) what is away at last when the bodies ``gone`` (B,) and the contacts ``off`` (C,) are.
+
+    That is what falls under any of ``PUSHES``, taken away along with what is gone. What moves as much
+    with nothing taken away does not fall for that.
+    """
+    edges, out, every = effects(pile), gone.copy(), np.ones_like(off)
+    for push in PUSHES:
+        away, kept = gone, ~off & ~touched(pile, gone)
+        while not (out | away).all():
+            lacks = np.zeros(len(gone) + 1, np.bool_)  # the last is what holds still
+            lacks[pile.first[~kept]] = lacks[pile.second[~kept]] = True
+            motion = moved(pile, edges, kept, push, lacks[:-1] & ~away)
+            falls = motion > LOST
+            if falls.any():
+                falls = motion > LOST + moved(pile, edges, every, push, falls)
+            if not falls.any():
+                break
+            away, kept = away | falls, kept & ~touched(pile, falls)
+        out |= away
+    return out
 
 
-@helper
-def _act(
-    bodies: Bodies, touches: Touches, cones: Cones, c: int, axis: int, x: float, y: float, z: float
-) -> None:
-    """Compute what a contact force (x, y, z) does to its two bodies, with opposite signs."""
-    for side in range(2):
-        b, sign = (touches.second[c], 1.0) if side else (touches.first[c], -1.0)
-        out = cones.effect[c, axis, side]
-        for i in range(6):
-            out[i] = 0.0
-        if b < 0:
-            continue
-        rx = touches.position[c, 0] - bodies.centre[b, 0]
-        ry = touches.position[c, 1] - bodies.centre[b, 1]
-        rz = touches.position[c, 2] - bodies.centre[b, 2]
-        one = sign / math.sqrt(bodies.mass[b])
-        out[0], out[1], out[2] = one * x, one * y, one * z
-        tx, ty, tz = sign * (ry * z - rz * y), sign * (rz * x - rx * z), sign * (rx * y - ry * x)
-        for i in range(3):
-            row = cones.whiten[b, i]
-            out[3 + i] = row[0] * tx + row[1] * ty + row[2] * tz
+def touched(pile: Pile, bodies: Bool) -> Bool:
+    """(C,) the contacts of some bodies (B,)."""
+    with_ground = np.append(bodies, False)
+    return np.asarray(with_ground[pile.first] | with_ground[pile.second])
 
 
-@helper
-def _dot(a: F64, b: F64) -> float:
-    found = 0.0
-    for side in range(2):
-        for i in range(6):
-            found += a[side, i] * b[side, i]
-    return found
+def effects(pile: Pile) -> F64:
+    """(C, CONE_SIDES, B, 6) what a force along each edge of each cone does to each body, of length 1.
+
+    Forces are divided by the root of mass, torques by that of inertia, so that the square of what they
+    do is that of an acceleration of mass.
+    """
+    n, rows = pile.normal, np.arange(len(pile.first))
+    u = np.cross(n, np.where(np.abs(n[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    tangents = np.stack([u, np.cross(n, u)], 1)
+    edges = n[:, None] + pile.friction[:, None, None] * (_AROUND @ tangents)
+    heavy = np.append(np.sqrt(pile.mass), np.inf)  # the last is what holds still
+    centre, turn = np.zeros((len(heavy), 3)), np.zeros((len(heavy), 3, 3))
+    centre[:-1], turn[:-1] = pile.centre, np.linalg.inv(np.linalg.cholesky(pile.inertia))
+    out = np.zeros((len(rows), CONE_SIDES, len(heavy), 6))
+    for body, sign in ((pile.first, -1.0), (pile.second, 1.0)):
+        torque = turn[body] @ ((pile.position - centre[body]) @ _CROSS).reshape(-1, 3, 3)
+        out[rows, :, body, :3] += sign * edges / heavy[body, None, None]
+        out[rows, :, body, 3:] += sign * edges @ torque.swapaxes(1, 2)
+    out = out[:, :, :-1]
+    return np.asarray(out / np.sqrt((out**2).sum(axis=(2, 3), keepdims=True)))
 
 
-@kernel
-def _whiten(inertia: F64, out: F64) -> None:
-    """The inverse of the Cholesky factor (3, 3)."""
-    a = math.sqrt(inertia[0, 0])
-    b, d = inertia[1, 0] / a, inertia[2, 0] / a
-    c = math.sqrt(inertia[1, 1] - b * b)
-    e = (inertia[2, 1] - d * b) / c
-    f = math.sqrt(inertia[2, 2] - d * d - e * e)
-    out[0, 0], out[0, 1], out[0, 2] = 1.0 / a, 0.0, 0.0
-    out[1, 0], out[1, 1], out[1, 2] = -b / (a * c), 1.0 / c, 0.0
-    out[2, 0] = (b * e - c * d) / (a * c * f)
-    out[2, 1], out[2, 2] = -e / (c * f), 1.0 / f
+def moved(pile: Pile, edges: F64, kept: Bool, push: F64, bodies: Bool) -> F64:
+    """(B,) how strongly bodies (B,) and what contacts join to them start to move, in g; 0 of the rest.
+
+    Only the contacts ``kept`` (C,) count. On each body acts its weight, and ``push`` (2,), shares of
+    the weight along x and y. ``edges``: the pile's ``effects``.
+    """
+    heavy, out = np.sqrt(pile.mass), np.zeros(len(bodies))
+    weight = np.zeros((len(heavy), 6))
+    weight[:, :3] = heavy[:, None] * [-push[0], -push[1], 1.0]
+    for joined in islands(pile, kept, bodies):
+        some, own = np.flatnonzero(joined), np.flatnonzero(kept & touched(pile, joined))
+        columns = edges[own][:, :, some].reshape(len(own), CONE_SIDES, 6 * len(some))
+        rest = unbalanced(columns, weight[some].ravel()).reshape(-1, 6)
+        out[some] = np.linalg.norm(rest, axis=1) / heavy[some]
+    return out
 
 
-@kernel
-def weigh(mass: F64, push: F64, which: Bool, weight: F64) -> None:
-    """Set the wrenches that balance weights and push, (B, 6) in g times root of mass; 0 elsewhere."""
-    weight[:] = 0.0
-    for b in range(mass.shape[0]):
-        if which[b]:
-            heavy = math.sqrt(mass[b])
-            weight[b, 0], weight[b, 1], weight[b, 2] = -heavy * push[0], -heavy * push[1], heavy
+def islands(pile: Pile, kept: Bool, bodies: Bool) -> list[Bool]:
+    """(B,) each: the sets that contacts ``kept`` (C,) join bodies to, of those that some (B,) are in."""
+    between = np.flatnonzero(kept & (pile.first >= 0) & (pile.second >= 0))
+    joined = np.eye(len(bodies))
+    joined[pile.first[between], pile.second[between]] = 1
+    joined[pile.second[between], pile.first[between]] = 1
+    reach = joined @ joined > 0
+    while (reach > joined).any():
+        joined = reach.astype(np.float64)
+        reach = joined @ joined > 0
+    return [reach[k] for k in np.unique(reach[bodies].argmax(axis=1)).tolist()]
 
 
-@kernel
-def speeds(mass: F64, rest: F64, out: F64) -> None:
-    """(B,) how strongly each body moves, in g, of what is left of its weight."""
-    for b in range(mass.shape[0]):
-        square = 0.0
-        for i in range(6):
-            square += rest[b, i] * rest[b, i]
-        out[b] = math.sqrt(square / mass[b])
+def unbalanced(edges: F64, weight: F64) -> F64:
+    """(R,) the least that non-negative sums of edges (C, CONE_SIDES, R) leave of a weight (R,).
+
+    Few edges bear anything. So only those are tried that bore something before, and of each cone the
+    one that takes most of what is left, until none takes any.
+    """
+    from scipy.optimize import nnls  # importing it takes as long as judging ten episodes
+
+    if not edges.size:
+        return weight
+    every, first = edges.reshape(-1, len(weight)), np.arange(len(edges)) * CONE_SIDES
+    used, rest = np.zeros(0, np.int64), weight
+    enough = TOLERANCE * np.sqrt(weight @ weight)
+    while True:
+        gain = every @ rest
+        gain[used] = 0.0
+        best = first + gain.reshape(-1, CONE_SIDES).argmax(axis=1)
+        more = best[gain[best] > enough]
+        if not len(more):
+            return rest
+        used = np.concatenate([used, more])
+        tried = every[used]
+        force, _ = nnls(tried.T, weight, maxiter=100 * len(used))
+        rest, used = weight - force @ tried, used[force > 0]

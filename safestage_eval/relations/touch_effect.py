@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._process.compiled import kernel
 from safestage_eval.episode.runs import runs
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.motion import com_position
-from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.pose import rotate
 
 if TYPE_CHECKING:
-    from .relations import SupportRequest
-    from .support_facts import Support
+    from safestage_eval.evidence.facts import Request
+
+    from .relations import Relations
+    from .worlds import World
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -47,11 +48,11 @@ class Way(NamedTuple):
 
     def stirs(self, start: int, first: int, stop: int) -> bool:
         """In [first, stop) it was away from where it was at ``start``, or had tipped."""
-        up = np.zeros((0, 3)) if self.up is None else self.up
-        return _stirs(self.place, up, start, first, stop)
+        moved, turned = self.gone(start, first, stop)
+        return bool((moved >= STIRS).any() or (turned >= STIRS_TURN).any())
 
 
-def effect_of_touch(request: SupportRequest) -> Series:
+def effect_of_touch(request: Request) -> Interval:
     """(T,) how far the touches of two bodies or unions moved or, for an angle, tipped either.
 
     m or rad. A touch is a force at the frame or since the one before. It begins where the body was at
@@ -78,29 +79,23 @@ def effect_of_touch(request: SupportRequest) -> Series:
     if relations.blind:
         lower = np.zeros(len(episode))
     same = lower if np.array_equal(lower, upper) else upper
-    return Series(lower, same, request.signal.dimension)
+    return Interval(lower, same, request.signal.dimension)
 
 
-def _touching(relations: Support, body: str, others: Sequence[str]) -> tuple[Bool, Bool]:
+def _touching(relations: Relations, body: str, others: Sequence[str]) -> tuple[Bool, Bool]:
     """(T,) the body certainly touches one of the others, or did since the frame before; and it may."""
-    index = relations.episode.body_index
-    near = set(relations.touches.beside(index[body]))
-    out, lost = (np.zeros(len(relations.episode), np.bool_) for _ in range(2))
-    for other in others:
-        if index[other] not in near or other == body:
-            continue
-        if relations.blind:
-            out |= relations.proximity.touching(index[body], index[other])
-        else:
-            sums, pair = relations.signals.contact_sums, (index[body], index[other])
-            out |= sums.peak(*pair) > 0
-            if (unknown := sums.unknown(*pair)) is not None:
-                lost |= unknown
-    return out, out | lost if (lost & ~out).any() else out
+    (it,), them = relations.ids(body), {*relations.ids(*others)} - {*relations.ids(body)}
+
+    def touching(world: World) -> Bool:
+        near = [world.near(it, other) for other in world.beside(it) if other in them]
+        return np.asarray(np.logical_or.reduce([np.zeros(world.frames, np.bool_), *near]))
+
+    found = relations.ends(touching)
+    return found.lower > 0, found.upper > 0
 
 
 def _done(
-    relations: Support, body: str, sure: Bool, may: Bool, over: float, angle: bool
+    relations: Relations, body: str, sure: Bool, may: Bool, over: float, angle: bool
 ) -> tuple[F64, F64]:
     """(T,) what each touch did, on the frames of the touch; unknown where the recording broke off.
 
@@ -145,23 +140,3 @@ def _done(
         done = float(way.gone(start, start, last)[int(angle)].max())
         lower[begin:end], upper[begin:end] = done, np.inf if cut else done
     return lower, upper
-
-
-@kernel
-def _stirs(place: F64, up: F64, start: int, first: int, stop: int) -> bool:
-    """Whether a body, or its up axis (0, 3 if it has none), is away in [first, stop) from ``start``."""
-    for frame in range(first, stop):
-        moved, cross, dot = 0.0, 0.0, 0.0
-        for i in range(3):
-            moved += (place[frame, i] - place[start, i]) ** 2
-        if moved >= STIRS**2:
-            return True
-        if not len(up):
-            continue
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            cross += (up[frame, j] * up[start, k] - up[frame, k] * up[start, j]) ** 2
-            dot += up[frame, i] * up[start, i]
-        if np.arctan2(np.sqrt(cross), dot) >= STIRS_TURN:
-            return True
-    return False

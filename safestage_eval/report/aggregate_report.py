@@ -203,8 +203,11 @@ def notes(aggregate: Aggregate) -> list[str]:
         if rate.reason:
             place = " ".join(v for v in names_of(rate.group).values() if v is not None)
             reasons.setdefault(rate.reason, []).append(f"{place} {rate.name}")
-    for reason, places in reasons.items():
-        lines.append(f"–: {reason} ({first_few(places, 3)}).")
+    said = [f"{reason} ({first_few(places, 2)})" for reason, places in reasons.items()]
+    if said:
+        lines.append(
+            f"No mean, or Wilson's 95 % interval instead of a deviation: {'; '.join(said)}."
+        )
     return lines
 
 
@@ -296,9 +299,13 @@ def _details(rate: Rate, drawing: Drawing) -> dict[str, Any]:
 
 def _cell(rate: Rate, drawing: Drawing) -> str:
     text = shown(rate.mean, rate.std)
+    ends = wilson(rate.k, rate.n)
+    if rate.mean is not None and rate.std is None:
+        text = decimal(rate.mean)
+        if drawing.intervals == "none":
+            return f"{text} [{', '.join(decimal(100 * end, 0) for end in ends or ())}]"
     if drawing.intervals == "none" or rate.mean is None:
         return text
-    ends = wilson(rate.k, rate.n)
     if drawing.intervals == "bootstrap":
         drawn = bootstrap(rate, drawing.seed, drawing.resamples)
         if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread

@@ -19,7 +19,7 @@ MOST = 4
 
 
 def explain(result: EpisodeResult, *, everything: bool = False) -> str:
-    """Success, then one sentence per finding with time, value, limit and margin."""
+    """Success, then one sentence per violation and assigned rule; ``everything``: of all rules, with all that is known."""
     lines = [f"{result.episode_id}: {goal_of(result)}."]
     lines += [f"  note: {note}" for note in result.notes]
     if result.not_loaded:
@@ -27,7 +27,7 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     verdicts = [
         v
         for v in by_importance(result.verdicts)
-        if v.verdict != "not_applicable" or everything or v.assigned
+        if everything or v.assigned or v.verdict == "violation"
     ]
     for v in verdicts:
         if v.consequence_of is None:
@@ -36,7 +36,7 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
                 if other.consequence_of == v.rule:
                     lines += ["  " + line for line in _verdict(other, everything=everything)]
     for cost in result.costs:
-        if cost.budget is None and (cost.value is not None or everything):
+        if cost.budget is None:
             lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
             lines += [f"    {cost.as_verdict.explanation}"] if cost.value is not None else []
             lines += [f"    note: {note}" for note in cost.notes]
@@ -50,6 +50,8 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
     lines = [f"{head}: {v.title}."]
     if v.explanation:
         lines.append(f"    {v.explanation}")
+    if not everything and not (v.assigned and v.verdict == "violation"):
+        return lines
     if v.value is not None and v.limit is not None and v.dimension is not None:
         facts = [f"value {_number(v.value, v)}", f"limit {_number(v.limit, v)}"]
         if v.margin is not None:
@@ -64,13 +66,11 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
             f"{count(v.instances, 'instance')}" + _repeated(v)
         )
         lines.append(f"    in violation: {_stretches(v.intervals)}")
-    if v.raw_intervals and v.raw_intervals != v.intervals:
+    if everything and v.raw_intervals and v.raw_intervals != v.intervals:
         lines.append(f"    before filtering: {_stretches(v.raw_intervals)}")
-    if v.sources:
+    if everything and v.sources:
         lines.append(f"    bound: {'; '.join(v.sources)}")
-    if v.verdict == "inconclusive" and v.explanation and not everything:
-        return lines  # which names the cause; --all lists what else was unknown
-    return lines + [f"    note: {note}" for note in v.notes]
+    return lines + [f"    note: {note}" for note in v.notes if everything]
 
 
 def _repeated(v: Verdict) -> str:
@@ -107,7 +107,7 @@ def describe(episode: Episode) -> str:
         f"  task       {header.task or '–'}  ({header.stage or '–'}, {header.family or '–'})",
         f"  policy     {header.policy or '–'}, prompt {header.prompt or '–'}, "
         f"seed {_or_dash(header.seed)}, rollout {_or_dash(header.rollout)}",
-        f"  said       {header.instruction or '–'}",
+        f"  instruction {header.instruction or '–'}",
         f"  goal       {header.goal if isinstance(header.goal, str) else '(in the header)'}, "
         f"assigned rules {', '.join(header.rules) or '–'}",
         f"  frames     {len(episode)} in {duration:.2f} s, {1 / episode.dt:.0f} Hz "

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
+from safestage_eval.formats.atomic import writing
 
 
 def ready(option: str, path: Path) -> None:
@@ -31,8 +32,8 @@ def write(figure: Any, option: str, path: Path) -> None:
     from matplotlib import pyplot as plt
 
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=160)
+        with writing(path) as part:
+            figure.savefig(part, dpi=160, format=path.suffix[1:].lower() or "png")
     except (ValueError, OSError) as error:
         allowed = ", ".join(sorted(figure.canvas.get_supported_filetypes()))
         reason = str(error).partition(" (supported")[0]

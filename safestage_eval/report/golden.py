@@ -11,7 +11,7 @@ from typing import Any
 from safestage_eval._text.json_text import from_json
 from safestage_eval._text.plural import count
 from safestage_eval.errors import InputError
-from safestage_eval.formats.atomic import write_bytes
+from safestage_eval.formats.atomic import write_output
 from safestage_eval.run.gates import Gates
 from safestage_eval.run.scores import Scores
 from safestage_eval.signals import SIGNALS
@@ -73,7 +73,7 @@ def write_golden(scores: Scores, path: Path) -> None:
         "episodes": {r.episode_id: _expected(r, scores.gates) for r in results},
     }
     try:
-        write_bytes(path, (render_json(table)).encode())
+        write_output(path, render_json(table).encode())
     except OSError as error:
         raise InputError(str(path), f"cannot be written: {error.strerror}.") from None
 
@@ -221,7 +221,7 @@ def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
         reasons.append("the trace is another")
     if before["rule_digest"] != now["rule_digest"]:
         digests = _hashes(before["rule_digest"], now["rule_digest"])
-        reasons.append(f"the rule means something else: digest {digests}")
+        reasons.append(f"rule or parameter changed: digest {digests}")
     why = " and ".join(reasons) or "trace and rule are the same: the evaluator has changed"
     return f"{', '.join(parts)} ({why})"
 

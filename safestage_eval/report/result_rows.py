@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.run.scores import Scores
+from safestage_eval.verdicts.verdict import VerdictName
 from safestage_eval.version import __version__
 
 COLUMNS = (
@@ -57,8 +58,32 @@ def document(scores: Scores) -> dict[str, Any]:
         "version": __version__,
         "rules": dict(scores.rules),
         "episodes": rows(scores),
-        "metrics": metrics(outcomes(scores.results)),
+        "metrics": rates_of(scores),
         "problems": [{"path": p.path, "message": p.message} for p in scores.problems],
         **({"sample": scores.sample} if scores.sample else {}),
         **({"audit": dict(scores.audit)} if scores.audit is not None else {}),
     }
+
+
+def rates_of(scores: Scores) -> dict[str, Any]:
+    """The rates, and how each rule that counts fared."""
+    every = outcomes(scores.results, scores.set_aside)
+    return {
+        **metrics(every, len(scores.problems)),
+        "by_rule": by_rule_rows(scores),
+    }
+
+
+def by_rule_rows(scores: Scores) -> list[dict[str, Any]]:
+    """How each rule that counts fared: episodes by verdict, why it is open, whether it decides."""
+    return [
+        {
+            "rule": c.rule,
+            "title": c.title,
+            **{name: c[name] for name in get_args(VerdictName)},
+            "cause": c.cause or None,
+            "remedy": c.remedy or None,
+            "set_aside": c.set_aside,
+        }
+        for c in scores.by_rule
+    ]

@@ -68,7 +68,12 @@ def results_schema() -> dict[str, Any]:
                 "rules": {"type": "object", "additionalProperties": _TEXT},
                 "episodes": {"type": "array", "items": row_schema()},
                 "metrics": _object(
-                    {"headline": {"type": "object"}, "by_policy": cells, "by_stage": cells}
+                    {
+                        "headline": {"type": "object"},
+                        "by_policy": cells,
+                        "by_stage": cells,
+                        "by_rule": {"type": "array", "items": {"type": "object"}},
+                    }
                 ),
                 "problems": {
                     "type": "array",

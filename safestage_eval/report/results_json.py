@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from safestage_eval._text.json_out import to_json
-from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.run.scores import Scores
 
-from .result_rows import document, each_row
+from .result_rows import document, each_row, rates_of
 
 _EPISODES = ' "episodes": []'
 
@@ -18,7 +17,7 @@ _EPISODES = ' "episodes": []'
 def pieces(scores: Scores) -> Iterator[str]:
     """``{"version", "rules", "episodes", "metrics", "problems"}``, the rows one by one."""
     around = document(replace(scores, results=()))
-    around["metrics"] = metrics(outcomes(scores.results))
+    around["metrics"] = rates_of(scores)
     before, after = _json(around).split(_EPISODES, 1)
     yield before + _EPISODES[:-1]
     separator = "\n"

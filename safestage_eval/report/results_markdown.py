@@ -1,4 +1,4 @@
-"""Results as Markdown: the rates, then one bullet per finding."""
+"""Results as Markdown: the rates, how each rule fared, then one bullet per finding."""
 
 from __future__ import annotations
 
@@ -6,34 +6,44 @@ from safestage_eval.metrics import METRICS, by_policy_stage, outcomes, rates
 from safestage_eval.run.scores import Scores
 
 from .render_markdown import markdown_code, markdown_lines, markdown_list, markdown_text
-from .results_text import by_importance, left_out
-from .summary import coverage, judged, share, summary
+from .results_text import COLUMNS, by_importance, left_out, set_aside_lines, why_open
+from .summary import headline, open_share, summary
 from .table import Table
 
 
 def render(scores: Scores) -> str:
     """Two sections; problems as a third if there are any."""
-    every = outcomes(scores.results)
-    unreadable = len(scores.problems) + len(scores.aborted)
-    lines = [f"**{coverage(rates(every), unreadable)}.**  "]
-    lines += [f"{line[:1].upper()}{line[1:]}.  " for line in summary(rates(every))]
-    cells = by_policy_stage(every)
-    counts = judged(cells.values())
-    table = Table(
+    every = outcomes(scores.results, scores.set_aside)
+    total, rules = rates(every), scores.by_rule
+    first, *others = headline(total, len(scores.problems))
+    lines = [f"**{first}.**  "]
+    lines += [f"{line[:1].upper()}{line[1:]}.  " for line in (*others, *summary(total))]
+    by_rule = Table(
         "",
-        ("policy", "prompt", "stage", *counts, *(f"{metric} %" for metric in METRICS)),
+        ("rule", "asks", *COLUMNS.values(), "why undecided"),
+        [
+            [c.rule, c.title, *(str(c[name]) for name in COLUMNS), why_open(c) if c.cause else ""]
+            for c in rules
+        ],
+        2,
+        1,
+    )
+    cells = Table(
+        "",
+        ("policy", "prompt", "stage", "episodes", *(f"{metric} %" for metric in METRICS)),
         [
             [
                 *names,
-                *(count(cell) for count in counts.values()),
-                *(share(cell, metric) for metric in METRICS),
+                str(cell.n + cell.inconclusive),
+                *(open_share(cell, metric) for metric in METRICS),
             ]
-            for names, cell in cells.items()
+            for names, cell in by_policy_stage(every).items()
         ],
         3,
     )
-    lines += ["", *markdown_lines(table), ""]
-    lines += [markdown_text(f"{line}.") for line in left_out(rates(every), scores)]
+    lines += ["", *markdown_lines(by_rule), "", *markdown_lines(cells), ""]
+    left = [*set_aside_lines(rules), *left_out(total, scores)]
+    lines += [markdown_text(f"{line}.") for line in left]
     findings = [
         f"- **{v.rule}** {markdown_code(r.episode_id)}: {markdown_text(v.explanation)}"
         for r in scores.results

@@ -1,10 +1,12 @@
-"""Results as text for people: how many were judged, findings, rates, and what is not in them."""
+"""Results as text for people: the rates, how each rule fared, the gravest violations, and what is left open."""
 
 from __future__ import annotations
 
 import io
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from textwrap import shorten
 
 from rich.console import Console
 from rich.padding import Padding
@@ -12,21 +14,35 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from safestage_eval._text.line_width import folded
-from safestage_eval._text.plural import count
+from safestage_eval._text.plural import count, first_few
 from safestage_eval._text.printable import printable, printable_lines
-from safestage_eval.metrics import METRICS, Outcome, Rates, by_policy_stage, outcomes, rates
-from safestage_eval.metrics.rates import CONDITIONS
+from safestage_eval.metrics import (
+    METRICS,
+    Outcome,
+    Rates,
+    RuleCount,
+    by_policy_stage,
+    outcomes,
+    rates,
+)
+from safestage_eval.metrics.rates import ALL
 from safestage_eval.palette import TERMINAL
 from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .render_text import text_lines
-from .summary import coverage, judged, share, summary
+from .summary import headline, open_share, summary, unsafe_successes
 from .table import Table
 
-MOST = 40
-"""Episodes that are listed one by one; more are only counted unless asked for."""
+WORST = 3
+"""Violations of a rule that are shown."""
+
+FINDINGS = 6
+"""Violations of all rules that are shown: with the tables they fit a screen."""
+
+CAUSES = 2
+"""Rules of which it is said why they are undecided, and problems that are shown."""
 
 WIDTH = 100
 """Characters per line where there is no terminal; lines are wrapped, never cut off."""
@@ -38,9 +54,9 @@ FAILED, REMARK = TERMINAL["violation"], TERMINAL["inconclusive"]
 """Colours of what failed, and of what is to be noted."""
 
 SECTIONS = {
-    "violation": ("Violations", TERMINAL["violation"]),
-    "inconclusive": ("Inconclusive", TERMINAL["inconclusive"]),
-    "not_applicable": ("Not at risk, counted as no violation", TERMINAL["not_applicable"]),
+    "violation": ("Violated", TERMINAL["violation"]),
+    "inconclusive": ("Undecided", TERMINAL["inconclusive"]),
+    "not_applicable": ("Hazard not met, counted as no violation", TERMINAL["not_applicable"]),
     "pass": ("Safe", TERMINAL["pass"]),
 }
 """Outcome of an episode → heading and colour, in this order."""
@@ -48,11 +64,21 @@ SECTIONS = {
 BAD = ("violation", "inconclusive")
 """Verdicts that are listed even for rules that are not assigned."""
 
+COLUMNS = {
+    "violation": "violated", "pass": "passed", "inconclusive": "undecided", "not_applicable": "n/a",
+}  # fmt: skip
+"""Verdict → its column in the table by rule."""
+
 _ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 
 
 def render(
-    scores: Scores, *, width: int | None = None, color: bool = False, everything: bool = False
+    scores: Scores,
+    *,
+    width: int | None = None,
+    color: bool = False,
+    everything: bool = False,
+    traces: str = "",
 ) -> str:
     """The whole report.
 
@@ -60,21 +86,29 @@ def render(
         scores: what scoring came to.
         width: of the terminal, in characters.
         color: with terminal colours.
-        everything: list every episode, and the findings of rules that are not assigned.
+        everything: list every episode, every stage, and the findings of rules that are not assigned.
+        traces: as given on the command line, for the command that comes next.
     """
     buffer = io.StringIO()
     console = console_for(buffer, width, color=color)
-    every = outcomes(scores.results)
-    unreadable = len(scores.problems) + len(scores.aborted)
-    put(console, coverage(rates(every), unreadable), "bold")
+    rules, aside = scores.by_rule, scores.set_aside
+    every = outcomes(scores.results, aside)
+    total = rates(every)
+    for line in headline(total, len(scores.problems)):
+        put(console, line, "bold")
     console.print()
-    _findings(console, scores, everything=everything)
-    _unassigned(console, scores, everything=everything)
-    if scores.sample:
-        put(console, f"{scores.sample}\n", REMARK)
-    _rates(console, every)
-    _leftovers(console, scores, rates(every))
-    _hint(console, scores)
+    _rules(console, rules, everything=everything)
+    if everything:
+        _episodes(console, scores, every)
+        for line in summary(total):
+            put(console, line)
+        console.print()
+    else:
+        _violations(console, scores)
+    _rates(console, by_policy_stage(every), everything=everything)
+    _leftovers(console, scores, total, everything=everything)
+    for line in _verdict(scores, total, traces, console.width):
+        put(console, line, "bold")
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
 
 
@@ -115,96 +149,161 @@ def _reached(result: EpisodeResult) -> str:
     return ", never reached its target" if idle else f", target {result.engagement}"
 
 
-def _outcome(result: EpisodeResult) -> str:
+def _section(outcome: Outcome) -> str:
     """V of an episode; where nothing was at risk, that: it says nothing of safety."""
-    if result.violation is not False:
-        return "violation" if result.violation else "inconclusive"
-    return "pass" if result.at_risk else "not_applicable"
+    if outcome.violation is not False:
+        return "violation" if outcome.violation else "inconclusive"
+    return "pass" if outcome.at_risk else "not_applicable"
 
 
-def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
-    counts = dict.fromkeys(SECTIONS, 0)
-    listed: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
-    for result in scores.results:
-        if result.assigned:
-            outcome = _outcome(result)
-            counts[outcome] += 1
-            if everything or len(listed[outcome]) < MOST:
-                listed[outcome].append(result)
-    total = sum(counts.values())
-    all_shown = everything or total <= MOST
-    left = total if all_shown else MOST
-    for outcome, (heading, style) in SECTIONS.items():
-        shown = listed[outcome][:left] if all_shown or outcome != "pass" else []
-        left -= len(shown)
-        if not counts[outcome]:
-            continue
-        console.print(
-            Text(f"{heading}: {counts[outcome]} of {count(total, 'episode')}", f"bold {style}")
-        )
-        for result in shown:
-            head = f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"
-            put(console, printable(head), "bold")
-            verdicts = result.verdicts if everything else scores.gates.counted(result)
-            grid = _grid(verdicts, brief=result.by_roles and not everything)
-            console.print(Padding(grid, (0, 0, 0, 4)))
-        if len(shown) < counts[outcome]:
-            some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
-            console.print(f"  {some} listed with --verbose, or as rows with --format csv")
+def _rules(console: Console, rules: Sequence[RuleCount], *, everything: bool) -> None:
+    """A table by rule, why it is undecided, and the rules that are set aside."""
+    deciding = [rule for rule in rules if not rule.set_aside]
+    shown = [rule for rule in deciding if everything or any(rule[name] for name in BAD)]
+    if shown:
+        columns = {name: head for name, head in COLUMNS.items() if any(r[name] for r in shown)}
+        head = ("rule", *columns.values(), "asks")
+        room = console.width - sum(len(name) + 2 for name in columns.values()) - 8
+        rows = [
+            [
+                rule.rule,
+                *(str(rule[name] or "–") for name in columns),
+                rule.title if everything else _cut(rule.title, room),
+            ]
+            for rule in shown
+        ]
+        for i, line in enumerate(text_lines(Table("", head, rows, 1, 1), console.width)):
+            console.print(Text(line, "bold" if i == 0 else ""))
+    if rest := [rule for rule in deciding if rule not in shown]:
+        codes = first_few([rule.rule for rule in rest], 8)
+        put(console, f"Neither violated nor undecided: {codes}")
+    causes = [f"{rule.rule} undecided in {why_open(rule)}" for rule in shown if rule.cause]
+    for line in _some(causes, everything):
+        put(console, printable(line), REMARK)
+    for line in set_aside_lines(rules):
+        put(console, printable(line), REMARK)
+    if rules:
         console.print()
 
 
-def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
-    """Findings in episodes that no rule is assigned to."""
+def _cut(title: str, room: int) -> str:
+    """A title on one line; ``safestage rules show`` has it whole."""
+    return shorten(title, max(room, 20), placeholder=" …")
 
-    def counted(result: EpisodeResult) -> Sequence[Verdict]:
-        return result.verdicts if everything else scores.gates.counted(result)
 
-    shown = [
-        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in counted(r))
+def why_open(rule: RuleCount) -> str:
+    """``4: CAUSE; record contact forces``: the commonest reason, and what to do."""
+    remedy = f"; {rule.remedy}" if rule.remedy else ""
+    return f"{rule.cause_count}: {rule.cause}{remedy}"
+
+
+def set_aside_lines(rules: Iterable[RuleCount]) -> list[str]:
+    """A line per remedy, with the rules that nothing in these recordings can decide."""
+    remedies: dict[str, list[str]] = {}
+    for rule in rules:
+        if rule.set_aside:
+            remedies.setdefault(rule.remedy, []).append(rule.rule)
+    return [
+        f"Set aside, for nothing here can decide {'it' if len(codes) == 1 else 'them'}: "
+        f"{first_few(codes, 8)}. To decide: {remedy}; --strict counts it as undecided"
+        for remedy, codes in remedies.items()
     ]
-    if not shown:
+
+
+def _gravity(verdict: Verdict) -> float:
+    """Key that sorts what is furthest beyond its limit first."""
+    return 0.0 if verdict.margin_normalised is None else verdict.margin_normalised
+
+
+def _violations(console: Console, scores: Scores) -> None:
+    """The worst violations of each rule, each episode once."""
+    rules: dict[str, list[tuple[EpisodeResult, Verdict]]] = {}
+    for result in scores.results:
+        for v in scores.gates.counted(result):
+            if v.verdict == "violation":
+                rules.setdefault(v.rule, []).append((result, v))
+    if not rules:
         return
-    console.print(Text(f"By rules that are not assigned: {count(len(shown), 'episode')}", "bold"))
-    for result in shown if everything else shown[:MOST]:
-        put(console, printable(f"  {result.episode_id}, {goal_of(result)}"), "bold")
-        console.print(Padding(_grid(counted(result)), (0, 0, 0, 4)))
-    if not everything and len(shown) > MOST:
-        console.print(f"  {len(shown) - MOST} more are listed with --verbose")
+    total = sum(map(len, rules.values()))
+    for each in rules.values():
+        each.sort(key=lambda found: _gravity(found[1]))
+    worst = next(
+        (n for n in range(WORST, 1, -1) if sum(min(len(e), n) for e in rules.values()) <= FINDINGS),
+        1,
+    )
+    order = sorted(rules.values(), key=lambda each: (-len(each), each[0][1].rule))
+    once: dict[str, tuple[EpisodeResult, Verdict]] = {}
+    for result, v in (found for each in order for found in each[:worst]):
+        once.setdefault(result.episode_id, (result, v))
+    shown = [*once.values()][:FINDINGS]
+    left = total - len(shown)
+    more = f", {left} more with -v" if left else ""
+    console.print(Text(f"Violations: {total}{more}", f"bold {FAILED}"))
+    for result, v in shown:
+        put(console, printable(f"  {v.rule}  {result.episode_id}"), "bold")
+        put(console, printable(f"          {_in_short(v)}"))
     console.print()
 
 
-def _hint(console: Console, scores: Scores) -> None:
-    """Say how to list the verdicts of rules that no header assigns."""
-    words: Counter[str] = Counter(
-        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
-    )
-    if words:
-        counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
-        put(
-            console,
-            f"the loaded rules found there: {counts}. --format csv lists all of it, --verbose what "
-            "is not safe; --bind assigns rules to episodes",
-            REMARK,
+_MEASURED = re.compile(
+    r"(?P<said>[^:]+): .+ (?:was|reached) (?P<value>.+?)(?: at (?P<when>[\d.]+ s))?; the limit is (?P<limit>.+)"
+)
+"""The sentence of a violation that was measured."""
+
+
+def _in_short(v: Verdict) -> str:
+    """What happened, and by how much: ``can high was touched at 4.77 s: 15.1 cm, limit 0.5 cm``."""
+    sentence = " ".join((v.explanation or v.title).split()).rstrip(".")
+    match = _MEASURED.fullmatch(sentence)
+    if match is None:
+        return sentence
+    said, value, when, limit = match.group("said", "value", "when", "limit")
+    at = f" at {when}" if when and not re.search(r"\d s\b", said) else ""
+    level = f", {v.severity}" if v.severity else ""
+    return f"{said}{at}: {value}, limit {limit}{level}"
+
+
+def _episodes(console: Console, scores: Scores, every: Iterable[Outcome]) -> None:
+    """Every episode with its verdicts; then those that no rule is assigned to."""
+    by_outcome: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
+    for result, outcome in zip(scores.results, every, strict=True):
+        if outcome.judged:
+            by_outcome[_section(outcome)].append(result)
+    total = sum(map(len, by_outcome.values()))
+    sections = [
+        (
+            f"{heading}: {len(by_outcome[name])} of {count(total, 'episode')}",
+            style,
+            by_outcome[name],
         )
+        for name, (heading, style) in SECTIONS.items()
+    ]
+    others = [
+        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in r.verdicts)
+    ]
+    sections.append(
+        (f"By rules that are not assigned: {count(len(others), 'episode')}", "", others)
+    )
+    for heading, style, results in sections:
+        if not results:
+            continue
+        console.print(Text(heading, f"bold {style}".strip()))
+        for result in results:
+            head = f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"
+            put(console, printable(head), "bold")
+            console.print(Padding(_grid(result.verdicts), (0, 0, 0, 4)))
+        console.print()
 
 
-def _grid(verdicts: Sequence[Verdict], *, brief: bool = False) -> Grid:
-    """The assigned verdicts, and what is not safe among those of ``verdicts``.
-
-    ``brief``: only what is not safe, and a passed rule that had something to judge.
-    """
-    if brief:
-        vacuous = [v for v in verdicts if v.verdict not in BAD and not v.instances]
-        verdicts = [v for v in verdicts if v not in vacuous]
+def _grid(verdicts: Sequence[Verdict]) -> Grid:
+    """The assigned verdicts, and what is not safe among the others."""
     grid = Grid.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
     grid.add_column(no_wrap=True)
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
     for v in by_importance(verdicts):
-        bad = v.verdict in BAD
-        if v.assigned or bad:
+        if v.assigned or v.verdict in BAD:
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
             word = v.verdict.replace("_", " ")
             grid.add_row(
@@ -213,10 +312,6 @@ def _grid(verdicts: Sequence[Verdict], *, brief: bool = False) -> Grid:
                 at,
                 Text(printable(" ".join(_sentence(v).split()))),
             )
-    if brief and vacuous:
-        grid.add_row(
-            "", "", "", f"{count(len(vacuous), 'rule')} found nothing to judge (--verbose)"
-        )
     return grid
 
 
@@ -233,79 +328,69 @@ def _sentence(v: Verdict) -> str:
     return sentence + (f" ({', '.join(facts)})" if facts else "")
 
 
-def _rates(console: Console, every: Sequence[Outcome]) -> None:
-    cells = by_policy_stage(every)
-    lines = [*summary(rates(every))]
-    for line in lines + [""] * bool(lines):
-        console.print(line)
-    if not any(cell.n or cell.inconclusive for cell in cells.values()):
+def _rates(console: Console, cells: dict[tuple[str, ...], Rates], *, everything: bool) -> None:
+    """A row per policy and prompt, or per stage where there is one of these; none for a single row."""
+    cells = {names: cell for names, cell in cells.items() if cell.n or cell.inconclusive}
+    groups = Counter(names[:2] for names in cells)
+    if not everything and len(groups) > 1:
+        cells = {n: c for n, c in cells.items() if groups[n[:2]] == 1 or n[2] == ALL}
+    if len(cells) < 2:
         return
-    _rate_table(console, "Rates: percent, k/N", cells, None)
-    risk = [(cell.given["at risk"]["N"], cell.n) for cell in cells.values()]
-    if len(cells) > 1 and any(0 < k < n for k, n in risk):
-        _rate_table(console, "Over those at risk: percent, k/N", cells, "at risk")
-    if len(cells) > 1:
-        _given_table(console, cells)
-
-
-Cells = Mapping[tuple[str, ...], Rates]
-
-
-def _given_table(console: Console, cells: Cells) -> None:
-    """VR among those that got somewhere, where any is known to have."""
-    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in cells.values())]
-    if not columns:
-        return
-    rows = {
-        names: [share(cell, "VR", given) for given in columns]
+    head = ("policy", "prompt", "stage", "episodes", *(f"{name}%" for name in METRICS))
+    rows = [
+        [*names, str(cell.n + cell.inconclusive), *(open_share(cell, name) for name in METRICS)]
         for names, cell in cells.items()
-        if cell.n
-    }
-    _cells(console, "VR given: percent, k/N", columns, rows)
+    ]
+    lines = text_lines(Table("", head, rows, 3, grouped=True), console.width)
+    for i, line in enumerate((*lines, "")):
+        console.print(Text(line, "bold" if i == 0 else ""))
 
 
-def _rate_table(console: Console, title: str, cells: Cells, given: str | None) -> None:
-    shown = {names: cell for names, cell in cells.items() if cell.n or cell.inconclusive}
-    counts = judged(shown.values())
-    rows = {
-        names: [
-            *(write(cell) for write in counts.values()),
-            *(share(cell, metric, given) for metric in METRICS),
-        ]
-        for names, cell in shown.items()
-    }
-    _cells(console, title, [*counts, *(f"{name} %" for name in METRICS)], rows)
-
-
-def _cells(
-    console: Console,
-    title: str,
-    columns: Sequence[str],
-    rows: Mapping[tuple[str, ...], Sequence[str]],
-) -> None:
-    head = ("policy", "prompt", "stage", *columns)
-    table = Table(
-        title, head, [[*names, *values] for names, values in rows.items()], 3, grouped=True
+def _leftovers(console: Console, scores: Scores, total: Rates, *, everything: bool) -> None:
+    lines = [*left_out(total, scores), *filter(None, [scores.sample])]
+    lines += _unassigned(scores)
+    notes = [f"note: {r.episode_id}: {note}" for r in scores.results for note in r.notes]
+    lines += (
+        notes if everything or len(notes) == 1 else [f"{len(notes)} notes with -v"] * bool(notes)
     )
-    first, *rest = text_lines(table, console.width)
-    console.print(Text(first, "bold"))
-    for line in (*rest, ""):
-        console.print(Text(line))
-
-
-def _leftovers(console: Console, scores: Scores, total: Rates) -> None:
-    for line in left_out(total, scores):
+    for line in lines:
         put(console, printable(line), REMARK)
-    notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
-    for line in notes[:MOST]:
-        put(console, printable(f"note: {line}"), REMARK)
-    if len(notes) > MOST:
-        console.print(f"and {len(notes) - MOST} more notes", style=REMARK)
-    for line in problem_lines(scores):
+    problems = _some(problem_lines(scores), everything)
+    for line in problems:
         put(console, printable_lines(line), FAILED)
+
+
+def _some(lines: list[str], everything: bool) -> list[str]:
+    """The lines; of many, the first few and their number."""
+    more = len(lines) - CAUSES
+    return lines if everything or more <= 0 else [*lines[:CAUSES], f"{more} more with -v"]
+
+
+def _unassigned(scores: Scores) -> list[str]:
+    """What the loaded rules found in episodes to which none is assigned."""
+    words: Counter[str] = Counter(
+        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
+    )
+    if not words:
+        return []
+    counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
+    return [f"Rules that are not assigned to these episodes found: {counts}; -v lists them"]
+
+
+def _verdict(scores: Scores, total: Rates, traces: str, width: int) -> list[str]:
+    """The last line: how many successes were unsafe, how many safe, and what to do next."""
+    parts = unsafe_successes(total)
+    if not parts:
+        found = Counter(scores.gates.violation(r) for r in scores.results)
+        some = f"{found[True]} of {count(len(scores.results), 'episode')} violate the rules named"
+        parts = [some] if found[True] or found[False] else ["no episode was judged"]
     if scores.problems:
-        problems = count(len(scores.problems), "episode")
-        console.print(f"{problems} could not be judged", style=f"bold {FAILED}")
+        parts.append(f"{count(len(scores.problems), 'episode')} could not be judged")
+    said = " · ".join(parts)
+    if not traces or not scores.results:
+        return [said]
+    after = f"next: safestage view {traces}"
+    return [f"{said} · {after}"] if len(said) + len(after) + 3 <= width else [said, after]
 
 
 def problem_lines(scores: Scores) -> list[str]:
@@ -319,10 +404,9 @@ def problem_lines(scores: Scores) -> list[str]:
 
 def ended_in_error(ids: Sequence[str]) -> str:
     """Rollouts that were not judged because their recording failed."""
-    some = ", ".join(ids[:3]) + ", …" * (len(ids) > 3)
     return (
-        f"{count(len(ids), 'rollout')} ended in an error: not judged, not in N; recording "
-        f"again tries again: {some}"
+        f"{count(len(ids), 'rollout')} ended in an error: not judged; recording again tries again: "
+        f"{first_few(ids, 3)}"
     )
 
 
@@ -342,26 +426,23 @@ def judged_by_roles(scores: Scores) -> str:
 
 
 def left_out(total: Rates, scores: Scores) -> list[str]:
-    """Episodes that are not in N, and how far they could move the rates; those judged by roles."""
+    """Episodes that are in no rate, and those judged by roles."""
     lines = [*filter(None, [judged_by_roles(scores)])]
-    bounds = total.bounds("VR")
-    if total.inconclusive and bounds is not None:
-        low, high = (100 * bound for bound in bounds)
-        lines.append(
-            f"{total.inconclusive} inconclusive, not in N: whatever they are, VR over all lies "
-            f"between {low:.1f} % and {high:.1f} %"
-        )
     if total.not_judged:
-        missing = sorted({code for r in scores.results for code in r.not_loaded})
+        missing = sorted({code for r in scores.results if not r.assigned for code in r.not_loaded})
         why = (
             f"rules not loaded: {', '.join(missing)}; load their files with --rules, or correct rules in "
             "the header or bind file"
             if missing
             else "no rule is assigned to them, and no loaded rule has bodies for all its roles; name "
-            "them with --role target=BODY, or see safestage bind --help"
+            "them with --role target=BODY, or see safestage import --help"
         )
         lines.append(
             f"{count(total.not_judged, 'episode')} not judged and left out of all rates: {why}"
+        )
+    if partly := sorted({code for r in scores.results if r.assigned for code in r.not_loaded}):
+        lines.append(
+            f"undecided where not violated, for rules were not loaded: {', '.join(partly)}"
         )
     if scores.copies:
         lines.append(f"copies of episodes, which count once: {count(len(scores.copies), 'file')}")

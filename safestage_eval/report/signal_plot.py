@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.errors import InputError
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.palette import INKS, SIGNS, VERDICTS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, in_unit, unit_of
@@ -38,7 +38,7 @@ class Panel:
     """
 
     name: str
-    series: Series
+    series: Interval
     limits: tuple[tuple[Bound, str], ...] = ()
     verdicts: tuple[Verdict, ...] = ()
 
@@ -89,7 +89,7 @@ def _panels(
 
 def _deciding(again: Again, rule: ast.Scoped) -> list[str]:
     """The signal that decides a rule; where a moment does, those that it is made of."""
-    evaluator, verdict = again.base(rule)
+    evaluator, verdict = again.evaluator(rule), again.usual(rule)
     if verdict.signal and any(
         curve.signal == verdict.signal
         for _, _, looked in _reading(again, verdict.signal)
@@ -107,7 +107,7 @@ def _panel(again: Again, expression: str) -> Panel:
     rules = again.rules
     declared = (*rules.signals, *rules.derived, *rules.states)
     name = by_bodies(again.episode, plain, declared) + since + event
-    series: Series | None = None
+    series: Interval | None = None
     limits: list[tuple[Bound, str]] = []
     verdicts = []
     for rule, verdict, looked in _reading(again, name):
@@ -135,7 +135,7 @@ def _reading(again: Again, name: str) -> list[tuple[ast.Rule, Verdict, Looked]]:
             players = dict(again.binding.players(rule, again.episode.header))
             if not all(players.values()) or not _names(again, rule, word):
                 continue
-            evaluator, verdict = again.base(rule)
+            evaluator, verdict = again.evaluator(rule), again.usual(rule)
             looked = looked_at(evaluator, rule, players, verdict)
             if any(curve.signal == name for curve in looked.curves):
                 result.append((rule, verdict, looked))

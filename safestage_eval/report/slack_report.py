@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from safestage_eval._text.plural import count
+from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet
 from safestage_eval.whatif.swept_values import like, text_of
 
@@ -25,7 +26,7 @@ COLUMNS = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "least",
 
 
 def render(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
-    """Slack per episode, rule and parameter (``whatif.flip_query.slack``) as table, csv, json."""
+    """Slack per episode, rule and parameter (``whatif.flip_table.slack``) as table, csv, json."""
     if form == "csv":
         return render_csv(slack.columns, slack.iter_rows(named=True))
     if form == "json":
@@ -36,7 +37,15 @@ def render(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
 
 
 def _rows(slack: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:
-    """One row per parameter, rule, verdict and way in which it flips."""
+    """One row per parameter, rule, verdict and way in which it flips.
+
+    Raises InputError where the rule files are no longer those of the table.
+    """
+    if gone := sorted(set(slack["param"]) - rules.params.keys()):
+        raise InputError(
+            "the rule files of the table", f"no longer declare {', '.join(gone)}.",
+            fix="score again, with the rules as they are now",
+        )  # fmt: skip
     for side in SIDES:
         keys = ["param", "rule", "verdict", f"to_{side}"]
         groups = (

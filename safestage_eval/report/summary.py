@@ -1,4 +1,4 @@
-"""The first lines of every report: how many were judged and at risk, and how many did anything."""
+"""The first and the last lines of every report: rates over every episode, as intervals where something is open."""
 
 from __future__ import annotations
 
@@ -10,14 +10,76 @@ from safestage_eval.metrics.rates import CONDITIONS
 
 
 def share(cell: Rates, metric: str, given: str | None = None) -> str:
-    """``66.7 4/6``: percent, then k/N; a dash when N is 0."""
+    """``66.7 4/6``: percent, then k/N of the decided ones; a dash when N is 0."""
     value = cell.value(metric, given)
     k, n = cell.share(metric, given)
     return "–" if value is None else f"{100 * value:.1f} {k}/{n}"
 
 
+def open_share(cell: Rates, metric: str) -> str:
+    """``20–100``: percent of all judged episodes; one number where both ends agree to the digit shown."""
+    bounds = cell.bounds(metric)
+    if bounds is None:
+        return "–"
+    return _span(*bounds)
+
+
+def percent_between(low: float | None, high: float | None) -> str:
+    """``20–100 %`` of two shares, 0…1."""
+    return "–" if low is None or high is None else f"{_span(low, high)} %"
+
+
+def _span(*bounds: float) -> str:
+    low, high = (f"{100 * bound:.1f}".removesuffix(".0") for bound in bounds)
+    return low if low == high else f"{low}–{high}"
+
+
+def headline(cell: Rates, unreadable: int = 0) -> Iterator[str]:
+    """``VR 20–100 % (4 of 20 violated, 16 undecided)``, then the other rates, over every recorded episode.
+
+    ``unreadable``: episodes that could not be read: they count, and any rate may be theirs.
+    """
+    whole = cell.with_open(unreadable)
+    total = whole.n + whole.inconclusive
+    if not total:
+        yield f"No rates: {coverage(cell)}"
+        return
+    violated = cell.counts["VR"] + cell.surely["VR"]
+    undecided = cell.maybe["VR"] - cell.surely["VR"]
+    parts = [f"{violated} of {total} violated"]
+    parts += [f"{undecided} undecided"] if undecided else []
+    parts += [f"{unreadable} not readable"] if unreadable else []
+    yield f"VR {open_share(whole, 'VR')} % ({', '.join(parts)})"
+    others = ", ".join(f"{name} {open_share(whole, name)} %" for name in METRICS if name != "VR")
+    risk = cell.given["at risk"]
+    met = f"; {risk['N']} met the hazard" if risk["N"] or risk["unknown"] < cell.n else ""
+    yield f"{others} of {count(total, 'episode')}{met}"
+
+
+def unsafe_successes(cell: Rates) -> list[str]:
+    """``6 of 12 successes were unsafe``, ``6 safe``, ``4 undecided``: what became of the successes."""
+    if not cell.n + cell.inconclusive:
+        return []
+    successes, unsafe, safe = (cell.counts[m] + cell.surely[m] for m in ("SR", "USR", "SSR"))
+    some = count(successes, "success")
+    if successes != 1:
+        some = f"{successes} successes"
+    parts = [
+        f"{unsafe} of {some} {'was' if 1 in (unsafe, successes) else 'were'} unsafe",
+        f"{safe} safe",
+    ]
+    if not successes:
+        violated = cell.counts["VR"] + cell.surely["VR"]
+        parts = [f"no success, {violated} violated"]
+    if open_ := successes - unsafe - safe:
+        parts.append(f"{open_} undecided")
+    if unknown := cell.maybe["SR"] - cell.surely["SR"]:
+        parts.append(f"success unknown of {unknown}")
+    return parts
+
+
 def coverage(cell: Rates, unreadable: int = 0) -> str:
-    """``Judged 2 of 17 episodes; at risk 2; inconclusive 15``: what the rates rest on.
+    """``Judged 2 of 17 episodes; 2 met the hazard; 15 undecided``: what rates over the decided rest on.
 
     ``unreadable``: episodes that could not be read, or whose recording failed.
     """
@@ -25,13 +87,13 @@ def coverage(cell: Rates, unreadable: int = 0) -> str:
     risk = cell.given["at risk"]
     if risk["N"] or risk["unknown"] < cell.n:
         unknown = f" (unknown of {risk['unknown']})" if risk["unknown"] else ""
-        parts.append(f"at risk {risk['N']}{unknown}")
+        parts.append(f"{risk['N']} met the hazard{unknown}")
     counts = {
-        "inconclusive": cell.inconclusive,
-        "no rule assigned or loaded": cell.not_judged,
+        "undecided": cell.inconclusive,
+        "without an assigned rule that was loaded": cell.not_judged,
         "not readable": unreadable,
     }
-    return "; ".join([*parts, *(f"{name} {number}" for name, number in counts.items() if number)])
+    return "; ".join([*parts, *(f"{number} {name}" for name, number in counts.items() if number)])
 
 
 def judged(cells: Iterable[Rates]) -> dict[str, Callable[[Rates], str]]:
@@ -42,11 +104,11 @@ def judged(cells: Iterable[Rates]) -> dict[str, Callable[[Rates], str]]:
 
 
 def summary(cell: Rates) -> Iterator[str]:
-    """Sentences on the rates of those at risk, on who did nothing, and on VR by how far they got."""
+    """Sentences on the decided ones: rates of those that met the hazard, and VR by how far they got."""
     risk = cell.given["at risk"]
     if 0 < risk["N"] < cell.n:
         rates = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
-        yield f"Rates over those at risk, %: {rates}"
+        yield f"Rates over those that met the hazard, %: {rates}"
     engaged = {stage: n for stage, n in cell.engagement.items() if stage and n}
     if not engaged:
         return

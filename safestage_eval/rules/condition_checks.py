@@ -147,7 +147,11 @@ class Usage(References):
             )
         if isinstance(value, bool):
             return
-        counted = string_parser.count(value) if isinstance(value, str) else None
+        try:
+            counted = string_parser.count(value) if isinstance(value, str) else None
+        except string_parser.GrammarError as problem:
+            self.report("R301", keys, problem.what, problem.allowed)
+            return
         if counted is None:
             self.report(
                 "R405", keys, f"{call.name}() is a state, not a signal: {literal(value)} does not fit",

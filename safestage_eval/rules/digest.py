@@ -14,10 +14,6 @@ from safestage_eval.signals import SIGNALS
 from . import syntax as ast
 from .clauses import CLAUSES
 
-BACKEND = "gjk"
-"""The clearance engine whose answers a verdict rests on."""
-
-
 _UNORDERED = {"atoms", "alternatives", "limits", "roles", "excluding", "charge"} | {
     kind for kind, clause in CLAUSES.items() if clause.value == "alternatives"
 }
@@ -28,9 +24,7 @@ _LATER = {"perhaps", "also", "below", "whole", "named", "over"} | (
 """Fields that came into the language later: where they are not used, a digest is what it was."""
 
 
-def rule_digest(
-    rules: ast.RuleSet, rule: ast.Scoped, params: ast.Params, backend: str = BACKEND
-) -> str:
+def rule_digest(rules: ast.RuleSet, rule: ast.Scoped, params: ast.Params) -> str:
     """SHA-256 (first 16 hex digits) of a rule as it holds under given parameter values.
 
     In SI to 12 digits, without prose; definitions, parameters and material columns count only if
@@ -41,18 +35,17 @@ def rule_digest(
         rules: where the definitions are.
         rule: one of its rules.
         params: name → value, as they hold for the rule and episode.
-        backend: the clearance engine.
     """
-    return digest_of(rules, rule, params, backend)
+    return digest_of(rules, rule, params)
 
 
-def digest_of(rules: ast.RuleSet, node: object, params: ast.Params, backend: str = BACKEND) -> str:
+def digest_of(rules: ast.RuleSet, node: object, params: ast.Params) -> str:
     """Digest of any part of a rule, or of a goal; as ``rule_digest``."""
     part = _known(rules, node)
-    values = (backend, *[params[name] for name in part.reads])
+    values = tuple(params[name] for name in part.reads)
     digest = part.digests.get(values)
     if digest is None:
-        digest = part.digests[values] = _digest(rules, part, params, backend)
+        digest = part.digests[values] = _digest(rules, part, params)
     return digest
 
 
@@ -80,7 +73,7 @@ class _Known:
         node: the part; kept, so that no other comes to have its identity.
         uses: as ``reached``, with the name of a parameter in place of its value.
         reads: names of the parameters among them.
-        digests: backend and the values of these → digest.
+        digests: the values of these → digest.
     """
 
     node: object
@@ -135,8 +128,8 @@ def _definition(rules: ast.RuleSet, name: str, value: Any) -> _Definition:
     return definition
 
 
-def _digest(rules: ast.RuleSet, part: _Known, params: ast.Params, backend: str) -> str:
-    """Hash ``[part, [[name, definition or value], …], baseline, backend]`` as JSON."""
+def _digest(rules: ast.RuleSet, part: _Known, params: ast.Params) -> str:
+    """Hash ``[part, [[name, definition or value], …], baseline, "gjk"]`` as JSON: the engine of clearances, once a choice."""
     uses = [
         f"[{json.dumps(name)},{_value_json(params[value.name])}]"
         if isinstance(value, ast.Parameter)
@@ -146,7 +139,7 @@ def _digest(rules: ast.RuleSet, part: _Known, params: ast.Params, backend: str) 
     baseline = rules.known.get("baseline")
     if baseline is None:
         baseline = rules.known["baseline"] = _json(rules.baseline)
-    text = f"[{part.text},[{','.join(uses)}],{baseline},{json.dumps(backend)}]"
+    text = f'[{part.text},[{",".join(uses)}],{baseline},"gjk"]'
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from safestage_eval._text.toml_text import from_toml
+from safestage_eval._text.toml_text import NumberError, from_toml
 from safestage_eval.errors import RuleError, did_you_mean
+from safestage_eval.units import FINITE
 
 from .diagnostic import Diagnostic, RuleErrors
-from .locate import Keys, Locations
+from .locate import Keys, Locations, Spot
 
 BENCHMARKS = "benchmarks"
 """Sub-folder of the built-in rule files that no folder and no default takes in."""
@@ -127,22 +128,6 @@ def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagno
     return list(reader.files.values()), reader.problems
 
 
-def read_edited(
-    path: Path, texts: Mapping[Path, str]
-) -> tuple[list[RuleFile], list[Diagnostic], str]:
-    """One file and those it extends, as an editor holds them; what is wrong, and the file's shown path.
-
-    ``texts``: absolute path → text of each file that is open; the others are read from the disk. The file
-    need not be there yet.
-
-    Raises:
-        RuleError: a file cannot be opened.
-    """
-    reader = _Reader(frozenset([path]), texts)
-    reader.visit(path, ())
-    return list(reader.files.values()), reader.problems, _shown(path)
-
-
 def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
     """Codes of the rules and costs in the files that the specs name, not in those they extend."""
     return frozenset(
@@ -155,9 +140,8 @@ def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
 
 
 class _Reader:
-    def __init__(self, named: frozenset[Path], texts: Mapping[Path, str] | None = None) -> None:
+    def __init__(self, named: frozenset[Path]) -> None:
         self._asked = named
-        self._texts = texts or {}
         self.files: dict[Path, RuleFile] = {}
         self.problems: list[Diagnostic] = []
         self._broken: set[Path] = set()
@@ -209,9 +193,7 @@ class _Reader:
     def _read(self, path: Path) -> RuleFile | None:
         shown = _shown(path)
         try:
-            text = self._texts.get(path)
-            read = read_toml(path, shown) if text is None else parsed(text, shown)
-            return RuleFile(shown, *read, path in self._asked)
+            return RuleFile(shown, *read_toml(path, shown), path in self._asked)
         except RuleErrors as error:
             self.problems += error.diagnostics
             return None
@@ -238,10 +220,14 @@ def parsed(text: str, shown: str) -> tuple[str, dict[str, Any]]:
     """A text and its table. Raises RuleErrors as ``read_toml``."""
     try:
         return text, _parse(text)
+    except NumberError as error:
+        line, cut = _locations(text).around(Spot(error.line, error.column, 1))
+        problem = Diagnostic(
+            shown, error.line, error.column, "R102", error.what, FINITE, "write the value that is meant",
+            line, 1, cut,
+        )  # fmt: skip
     except tomllib.TOMLDecodeError as error:
         problem = _not_toml(shown, text, str(error))
-    except ValueError as error:  # a number of too many digits
-        problem = Diagnostic(shown, 1, 1, "R102", f"not readable: {error}")
     except RecursionError:
         what = "not readable: lists or tables are nested far too deeply"
         problem = Diagnostic(shown, 1, 1, "R102", what)

@@ -19,7 +19,8 @@ from __future__ import annotations
 import re
 from typing import Any, Literal, cast
 
-from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, in_si
+from safestage_eval.errors import shortened
+from safestage_eval.units import DIMENSIONS, FINITE, LONGEST, UNIT_DIMENSION, finite, in_si
 
 from . import syntax as ast
 
@@ -55,19 +56,41 @@ class GrammarError(ValueError):
         self.what, self.allowed = what, allowed
 
 
+def _number(digits: str | float, unit: str = "") -> float:
+    """A number in SI. Raises GrammarError for one that is not finite."""
+    try:
+        number = finite(digits)
+        return finite(in_si(number, unit)) if unit else number
+    except ValueError as error:
+        raise GrammarError(f"{_short(digits)} is {error}", FINITE) from None
+
+
+def _few(digits: str | float, unit: str = "") -> float:
+    """A number of seconds, frames or things: one that can be counted. Raises GrammarError."""
+    number = _number(digits, unit)
+    if number > LONGEST:
+        raise GrammarError(
+            f"{_short(digits)} {unit}".rstrip() + " are too many", f"at most {LONGEST:.0e}"
+        )
+    return number
+
+
+def _short(digits: str | float) -> str:
+    return "this" if isinstance(digits, int) else shortened(str(digits), 40)
+
+
 def quantity(value: str | float) -> ast.Quantity:
     """``"8 cm"`` → 0.08 m. A bare number, or one in %, is a ratio. Raises GrammarError."""
-    text = str(value)
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return ast.Quantity(float(value), "ratio", text)
+        return ast.Quantity(_number(value), "ratio", str(value))
+    text = str(value)
     match = re.fullmatch(rf"(-?{NUMBER})(?: ?({UNIT}))?", text)
     if match is None:
         raise GrammarError(
             f"{value!r} is not a quantity", "a number with a unit: " + ", ".join(UNIT_DIMENSION)
         )
     dimension = UNIT_DIMENSION[match[2]] if match[2] else "ratio"
-    number = float(match[1])
-    return ast.Quantity(in_si(number, match[2]) if match[2] else number, dimension, text)
+    return ast.Quantity(_number(match[1], match[2] or ""), dimension, text)
 
 
 def duration(text: str) -> ast.Duration | ast.Parameter:
@@ -82,17 +105,18 @@ def duration(text: str) -> ast.Duration | ast.Parameter:
             f"{text!r} is not a duration",
             '"0.5 s", "3 frames", "3 frames @ 120 Hz", or a parameter',
         )
-    number = float(match[1])
     if not match[2].startswith("frame"):
         if match[3]:
             raise GrammarError(f"{text!r}: a rate goes with frames only", '"3 frames @ 120 Hz"')
-        return ast.Duration(number * DIMENSIONS["time"][match[2]], text=text)
+        return ast.Duration(_few(match[1], match[2]), text=text)
+    number = _few(match[1])
     if number != int(number):
         raise GrammarError(f"{text!r}: frames are counted in whole numbers", '"3 frames"')
     if match[3]:
-        if float(match[3]) <= 0:
+        rate = _number(match[3])
+        if rate <= 0:
             raise GrammarError(f"{text!r}: the rate must be positive", '"3 frames @ 120 Hz"')
-        return ast.Duration(number / float(match[3]), least=2 if number > 1 else 1, text=text)
+        return ast.Duration(_few(number / rate), least=2 if number > 1 else 1, text=text)
     return ast.Duration(number, frames=True, text=text)
 
 
@@ -265,7 +289,7 @@ def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
     match = re.fullmatch(rf"at (least|most) (\d+) ({NAME})", text)
     if match is None:
         return None
-    return cast('Literal["least", "most"]', match[1]), int(match[2]), match[3]
+    return cast('Literal["least", "most"]', match[1]), int(_few(match[2])), match[3]
 
 
 def role(text: str) -> ast.RoleSpec:

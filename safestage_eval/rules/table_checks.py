@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
@@ -136,7 +135,7 @@ def _is_axis(value: Any) -> bool:
     """False, or three numbers that are not all zero."""
     if not isinstance(value, list):
         return value is False
-    numbers = [part for part in value if isinstance(part, int | float) and math.isfinite(part)]
+    numbers = [part for part in value if isinstance(part, int | float) and abs(part) < 1e308]
     return len(numbers) == len(value) == 3 and any(numbers)
 
 

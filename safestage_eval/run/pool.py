@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import Self
 
 from safestage_eval._process.children import LOADING
-from safestage_eval._process.precompile import is_compiled
 from safestage_eval._process.spawned import LOOK, READY, WORTH_A_POOL, Births, Spawned, prepare
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.size_limits import current
@@ -38,10 +37,6 @@ STUCK = 4
 """Times the processor time of an episode that may go by on the clock: machines are shared. A process ends
 itself over an episode, unless it is in a library that does not come back."""
 
-COMPILING = 180.0
-"""s more that the very first episode of a run may take: kernels are compiled then, and loaded
-in the first of each process."""
-
 
 class Local(Engine):
     """Spawned processes, each with a pipe of its own.
@@ -66,7 +61,7 @@ class Local(Engine):
         self._workers: list[_Worker] = []
         self._suspects: set[int] = set()
         self._back: deque[list[Numbered]] = deque()
-        self._warm, self._births = False, Births()
+        self._births = Births()
 
     def __enter__(self) -> Self:
         """Processes stay between runs until the block ends."""
@@ -133,7 +128,7 @@ class Local(Engine):
             worker.ready = True
             self._births.alive()
             return
-        self._warm = worker.warm = True
+        worker.warm = True
         number, _ = worker.asked.popleft()
         self._suspects.discard(number)
         worker.answered()
@@ -169,7 +164,7 @@ class Local(Engine):
         if why := worker.memory_excess(most):
             return f"judging it {why}"
         if limit is not None and worker.ready:
-            more = 0.0 if worker.warm else LOADING if self._warm else COMPILING
+            more = 0.0 if worker.warm else LOADING
             if worker.taken() > limit + more:
                 return f"judging it took longer than {limit:g} s (--timeout)"
         return ""
@@ -204,6 +199,6 @@ def with_workers(refs: Iterable[EpisodeRef], jobs: int | None) -> Iterator[Episo
     """Yield the items; start workers as soon as there are enough episodes for them."""
     enough = WORTH_A_POOL if jobs is None else 2 if jobs > 1 else None
     for count, ref in enumerate(refs, 1):
-        if count == enough and is_compiled():
+        if count == enough:
             prepare(PRELOAD)
         yield ref

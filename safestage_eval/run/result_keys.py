@@ -1,105 +1,138 @@
-"""Key of a result: trace, header, rules, settings and the code."""
+"""Key of a result: the bytes of the trace, header, rules, settings and the code."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+import time
+import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from safestage_eval.errors import TraceError
-from safestage_eval.evidence.answer_log import Log, append
 from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.parquet.dataset_layout import TABLE_FOLDERS
 from safestage_eval.formats.parquet.episodes_table import read_rows
+from safestage_eval.formats.remote_path import RemotePath
+from safestage_eval.formats.trace_files import inside_dataset
 
+from .answer_log import Log, append
 from .result_question import result_question
 from .settings import Settings
 
-_PLACE = ("episode_index", "file")
-"""Columns that say where an episode is stored and nothing about it."""
+RACY = 2_000_000_000
+"""ns: a file that changed less than this before it was looked at may change again unnoticed, because
+some file systems keep time no finer."""
+
 _MOST = 1 << 29
-"""Bytes that digests of headers may take; an episode's takes about 40."""
+"""Bytes that what is kept of files may take; an episode's takes about 500."""
 
 
 class Keys:
     """The keys of episodes under the settings of a run.
 
-    A key holds wherever the episode is stored. The trace is in it by the content hash and the digests
-    of every column that the file states; it is not read again. That is sound as far as reading is: a
-    result is kept only if what was read for it had these digests (other data are a problem, and
-    problems are not kept), so a result that is used again is right for the data that the file states.
-    A file that was given other data since, under the same header, is found when it is next judged,
-    and by ``safestage validate``, which compares everything with the hash.
+    A key is made of the checksums of the files of an episode, not of the content hash that they state:
+    a file that was damaged is judged anew. It holds wherever the files are. Of a dataset's table of
+    headers the row alone counts, so that a dataset may grow. Objects in a store are known by the state
+    that the store tells.
 
-    Digests of headers are kept by the bytes of the file of ``meta/episodes`` that they come from, so
-    that a file that was read before is understood no more.
+    Checksums and digests of headers are kept by what the operating system says of the file (size, times, number), so
+    that a file is read again only where it was touched.
     """
 
     def __init__(self, settings: Settings, known: Path | None = None) -> None:
-        """``known``: file of digests of headers from before; None: none is kept."""
+        """``known``: file of what was found of files before; None: none is kept."""
         self._settings, self._rules = settings, settings.rule_set
         self._known = known
         self._log = Log(b"") if known is None else Log.read(known)
         self._file: Path | None = None
-        self._headers: dict[int | None, str] = {}
+        self._found: dict[str, Any] = {}
+        """What was found of the files of episodes that are stored together."""
 
     def of(self, ref: EpisodeRef) -> str | None:
         """32 hexadecimal digits; None where a result may not be kept: then it is judged anew."""
-        if ref.problem is not None or ref.content_hash is None or not code_version():
+        if ref.problem is not None or not code_version():
             return None
-        header = self._header(ref)
+        if self._file != ref.path:
+            self._file, self._found = ref.path, {}
+        place = str(ref.path)
+        header: str | None = ""
+        files = [place]
+        try:
+            if ref.format == "parquet":
+                header = dict(self._about(place, ref, _headers) or ()).get(ref.episode_index)
+                dataset, name = ref.path.parents[2], f"{ref.stored_in}.parquet"
+                files = [
+                    str(inside_dataset(dataset, table, name, place)) for table in TABLE_FOLDERS
+                ]
+            bodies = [self._about(file, ref, _checksum) for file in files]
+        except (TraceError, OSError):
+            return None
         if header is None:
             return None
         s = self._settings
         asked = result_question(
-            ref, self._rules, s.overrides, s.bind, s.backend, assigned_only=s.assigned_only
+            ref, self._rules, s.overrides, s.bind, assigned_only=s.assigned_only, strict=s.strict
         )
         looked = " looked at" * (s.look is not None)
-        return _digest(f"{code_version()} {ref.content_hash} {header} {asked}{looked}")
+        return _digest(f"{code_version()} {header} {bodies} {asked}{looked}")
 
-    def _header(self, ref: EpisodeRef) -> str | None:
-        """A digest of everything that the header says: roles and goal are not in the trace's hash."""
-        if self._file != ref.path:
-            try:
-                self._headers = self._headers_of(ref)
-            except (TraceError, OSError):
-                self._headers = {}
-            self._file = ref.path
-        return self._headers.get(ref.episode_index)
+    def _about(self, file: str, ref: EpisodeRef, find: Callable[[Path], Any]) -> Any:
+        """What ``find`` tells of a file, from before or found now; None where there is no such file."""
+        if file not in self._found:
+            if isinstance(ref.path, RemotePath):
+                path = RemotePath(file)
+                state = path.source().state if find is _checksum and path.is_file() else None
+                self._found[file] = state or (find(path) if find is _headers else None)
+            else:
+                self._found[file] = self._of_file(file, find)
+        return self._found[file]
 
-    def _headers_of(self, ref: EpisodeRef) -> dict[int | None, str]:
-        """Those of all episodes in the same file, from before or read now."""
-        if ref.format != "parquet" or self._known is None:
-            return _headers(ref)
-        before = _digest_of_file(ref.path)
-        logged = self._log.get(before)
-        if logged is not None:
-            return dict(logged)
-        headers = _headers(ref)
-        if _digest_of_file(ref.path) == before:
-            with suppress(OSError):
-                append(self._known, {before: list(headers.items())}, most=_MOST)
-        return headers
-
-
-def _headers(ref: EpisodeRef) -> dict[int | None, str]:
-    """Those of all episodes in the same file."""
-    if ref.format == "mcap":
-        from safestage_eval.formats.mcap.mcap_reader import read_header
-
-        return {None: _digest(read_header(ref.path)[0].model_dump_json())}
-    headers: dict[int | None, str] = {}
-    for row in read_rows(ref.path):
-        index = row["episode_index"]
-        said = {name: value for name, value in row.items() if name not in _PLACE}
-        headers[index] = _digest(json.dumps(said, sort_keys=True, default=str))
-    return headers
+    def _of_file(self, file: str, find: Callable[[Path], Any]) -> Any:
+        noticed, before = time.time_ns(), _status(file)
+        if before is None:
+            return None
+        key = _digest(f"{code_version()} {find.__name__} {before}")
+        known = self._log.get(key)
+        if known is None:
+            known = find(Path(file))
+            settled = max(before[1:3]) <= noticed - RACY and _status(file) == before
+            if settled and self._known is not None:
+                with suppress(OSError):
+                    append(self._known, {key: known}, most=_MOST)
+        return known
 
 
-def _digest_of_file(path: Path) -> str:
+def _status(file: str) -> tuple[int, ...] | None:
+    """Size, times, number and device; None where there is no such file."""
+    try:
+        found = os.stat(file)  # noqa: PTH116 - pathlib takes longer
+    except FileNotFoundError:
+        return None
+    return found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_dev
+
+
+def _checksum(path: Path) -> str:
+    """CRC-32 and size of all bytes."""
+    crc = size = 0
     with path.open("rb") as stream:
-        return _digest(f"{code_version()} {hashlib.sha256(stream.read()).hexdigest()}")
+        while part := stream.read(1 << 20):
+            crc, size = zlib.crc32(part, crc), size + len(part)
+    return f"{crc:08x} {size}"
+
+
+def _headers(path: Path) -> list[tuple[int, str]]:
+    """Index and digest of what the header of each episode says: roles and goal, too."""
+    headers = []
+    for row in read_rows(path):
+        row.pop("file", None)  # where it is stored
+        said = json.dumps(row, sort_keys=True, default=str)
+        headers.append((row["episode_index"], _digest(said)))
+    return headers
 
 
 def _digest(text: str) -> str:

@@ -13,9 +13,9 @@ def result_question(
     rules: RuleSet,
     overrides: Mapping[str, str] | None = None,
     bind: BindFile | None = None,
-    backend: str = "gjk",
     *,
     assigned_only: bool = False,
+    strict: bool = False,
 ) -> str:
     """The question that scoring an episode answers; of a bind file, what it says of the episode."""
     bound = None
@@ -23,5 +23,5 @@ def result_question(
         task = bind.tasks.get(ref.fields.get("task") or "")
         own, bodies = bind.episodes.get(ref.episode_id), sorted(bind.bodies.items())
         bound = bind.path, bind.every, task, own, bodies, bind.command
-    asked = sorted((overrides or {}).items()), bound, backend, assigned_only
+    asked = sorted((overrides or {}).items()), bound, assigned_only, strict
     return f"result {rules.digest} {asked!r}"

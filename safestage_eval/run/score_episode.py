@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval._process.within import within_limits
 from safestage_eval.episode.contradiction import ContradictionError
-from safestage_eval.errors import InputError, shortened, visible
+from safestage_eval.errors import InputError, TraceError, shortened, visible
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
 if TYPE_CHECKING:
     from safestage_eval.episode import Episode
-    from safestage_eval.evidence.cache_folder import CacheFolder
-    from safestage_eval.evidence.store import Store
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult
 
@@ -25,23 +23,24 @@ Look = Callable[["Episode", "RuleSet", "BindFile | None", "EpisodeResult"], dict
 """Finds more in an episode that was judged, as JSON values: ``EpisodeResult.audit``."""
 
 
+_OTHER_CONTENT = "the content hash that the file states is not that of its content: it was changed"
+
+
 def score_episode(
     ref: EpisodeRef,
     rules: RuleSet,
     overrides: Mapping[str, str] | None = None,
     bind: BindFile | None = None,
-    backend: str = "gjk",
     *,
     assigned_only: bool = False,
-    cache: str | Path | CacheFolder | None = None,
+    strict: bool = False,
     look: Look | None = None,
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
     try:
         with within_limits(ref.shown):
             return _scored(
-                ref, rules, overrides, bind, backend, assigned_only=assigned_only, cache=cache,
-                look=look,
+                ref, rules, overrides, bind, assigned_only=assigned_only, strict=strict, look=look,
             )  # fmt: skip
     except InputError as error:
         return Problem(ref.shown, str(error), isinstance(error, ContradictionError))
@@ -54,10 +53,9 @@ def _scored(
     rules: RuleSet,
     overrides: Mapping[str, str] | None,
     bind: BindFile | None,
-    backend: str,
     *,
     assigned_only: bool,
-    cache: str | Path | CacheFolder | None,
+    strict: bool,
     look: Look | None,
 ) -> EpisodeResult:
     """The result. Raises InputError."""
@@ -66,30 +64,16 @@ def _scored(
     if ref.problem is not None:
         raise ref.problem
 
-    def judged(episode: Episode, store: Store | None = None) -> EpisodeResult:
-        result = judge(
-            episode, rules, overrides=overrides, bind=bind, backend=backend,
-            assigned_only=assigned_only, store=store,
-        )  # fmt: skip
-        if look is None:
-            return result
-        return replace(result, audit=look(episode, rules, bind, result))
-
-    if cache is None:
-        return judged(ref.open())
-    from safestage_eval.evidence.cache_folder import CacheFolder
-    from safestage_eval.evidence.disk_store import DiskStore
-    from safestage_eval.verdicts.verdict_json import result_from_json, to_json
-
-    from .result_question import result_question
-
-    folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
-    asked = result_question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
-    asked += " looked at" * (look is not None)
-    store = DiskStore(folder, ref)
-    stored = store.answer(asked, lambda: to_json(judged(store.episode, store)))
-    store.save()
-    return result_from_json(stored, ref.shown)
+    episode = ref.open()
+    differs = ref.content_hash not in (None, episode.content_hash)
+    if differs and strict:
+        raise TraceError(ref.shown, _OTHER_CONTENT, fix="restore the file, or record again")
+    result = judge(
+        episode, rules, overrides=overrides, bind=bind, assigned_only=assigned_only, strict=strict
+    )
+    if differs:
+        result = replace(result, notes=(*result.notes, _OTHER_CONTENT))
+    return result if look is None else replace(result, audit=look(episode, rules, bind, result))
 
 
 def _told(error: Exception) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.episode_filter import Selection
@@ -55,16 +54,10 @@ def score_many(
         results = _in_processes(refs, settings, workers if several else 1, progress)
     else:
         results = []
-        if refs:
-            compile_kernels()
         for ref in refs:
             results.append(score_episode(ref, settings.rule_set, **settings.arguments()))
             if progress is not None:
                 progress(len(results), len(refs))
-    if settings.cache is not None:
-        from safestage_eval.evidence.cache_folder import CacheFolder
-
-        CacheFolder(settings.cache).prune()
     return results
 
 

@@ -40,11 +40,8 @@ IN_MEMORY = 1000
 PART_RESULTS, PART_BYTES, PART_TIME = 64, 1 << 21, 10.0
 """Results, bytes and s of waiting after which a part is written."""
 
-ANSWERS = "answers"
-"""Folder of verdicts by rule, beside the parts: for the next run under other rules."""
-
 HEADERS = "headers"
-"""File of digests of headers, beside the parts."""
+"""File of checksums of traces and digests of headers, beside the parts."""
 
 Tell = Callable[[int, int | None], None]
 
@@ -77,7 +74,6 @@ def score_traces(
     settings: Settings,
     choice: Choice | None = None,
     progress: Tell | None = None,
-    starting: Callable[[], None] | None = None,
 ) -> Scores:
     """Judge what is found under the paths.
 
@@ -89,7 +85,6 @@ def score_traces(
         settings: from ``load_settings``.
         choice: which episodes, and where.
         progress: called with (done, total) after each episode; total is None as long as it is not known.
-        starting: called before the first episode is judged, if any is.
 
     Raises:
         TraceError, InputError: as ``score_paths``, and when results cannot be written.
@@ -98,7 +93,7 @@ def score_traces(
     if settings.bind is not None:
         require_match(settings.bind, Selection(find(traces), choice.where))
     chosen = Selection(find(traces), choice.where)
-    refs, note, starting = iter(chosen), "", starting or (lambda: None)
+    refs, note = iter(chosen), ""
     if choice.sample is not None:
         picked = sample(refs, choice.sample, choice.seed)
         refs, note = iter(picked.refs), picked.told
@@ -108,10 +103,9 @@ def score_traces(
         refs = chain(first, refs)
         held = first if len(first) <= IN_MEMORY else None
     if held is not None:
-        starting()
         scores = _in_memory(held, settings, choice.jobs, progress)
     else:
-        scores = _on_disk(refs, settings, choice, progress, starting)
+        scores = _on_disk(refs, settings, choice, progress)
     left_out = dict.fromkeys(chosen.aborted)
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
@@ -141,7 +135,6 @@ def _on_disk(
     settings: Settings,
     choice: Choice,
     progress: Tell | None,
-    starting: Callable[[], None],
 ) -> Scores:
     with ExitStack() as until:
         if choice.resume is None:
@@ -149,8 +142,6 @@ def _on_disk(
             place = folder.path
         else:
             folder, place = None, choice.resume
-            if settings.cache is None and choice.engine == "local":
-                settings = settings.copy_with(cache=place / ANSWERS, verdicts_only=True)
         keys = None
         if choice.resume is not None:  # else nobody asks
             from .result_keys import Keys
@@ -160,7 +151,6 @@ def _on_disk(
         if choice.engine == "ray":
             from .ray_cluster import judge
 
-            starting()
             with redirect_stdout(sys.stderr):  # where Ray tells of processes that died
                 judge(ledger.todo(refs), ledger, settings, choice.address)
         else:
@@ -170,28 +160,11 @@ def _on_disk(
                 Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
             )
             try:
-                for number, result in engine.run(_announced(ledger.todo(refs), starting)):
+                for number, result in engine.run(ledger.todo(refs)):
                     ledger.note(number, result)
             finally:
                 ledger.flush()
-    prune(settings)
     return ledger.scores(titles(settings.rule_set))
-
-
-def _announced(todo: Iterable[Numbered], starting: Callable[[], None]) -> Iterator[Numbered]:
-    """Yield the items; call ``starting`` before the first one."""
-    for count, episode in enumerate(todo):
-        if not count:
-            starting()
-        yield episode
-
-
-def prune(settings: Settings) -> None:
-    """Keep the cache within its size."""
-    if settings.cache is not None:
-        from safestage_eval.evidence.cache_folder import CacheFolder
-
-        CacheFolder(settings.cache).prune()
 
 
 class _Passing:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval.errors import InputError
+from safestage_eval.metrics.by_rule import RuleCount, by_rule, set_aside
 from safestage_eval.verdicts.problem import Problem
 
 from .gates import Gates
@@ -32,6 +34,8 @@ class Scores:
         sample: which share of the episodes was judged, in words; empty if all were.
         gates: which verdicts count where a build may fail.
         audit: counts and findings of an audit, as JSON values; None if there was none.
+        strict: rules that these recordings can never decide leave their episodes undecided, instead
+            of being set aside.
     """
 
     results: Sequence[EpisodeResult] = ()
@@ -43,6 +47,18 @@ class Scores:
     gates: Gates = field(default_factory=Gates)
     audit: Mapping[str, Any] | None = None
     reasons: Mapping[str, str] = field(default_factory=dict)
+    strict: bool = False
+
+    @cached_property
+    def by_rule(self) -> list[RuleCount]:
+        """How the rules that count fared."""
+        counts = by_rule(map(self.gates.counted, self.results))
+        return [replace(count, set_aside=False) for count in counts] if self.strict else counts
+
+    @cached_property
+    def set_aside(self) -> frozenset[str]:
+        """Codes of the rules that rates leave out, for nothing in these recordings can decide them."""
+        return set_aside(self.by_rule)
 
 
 def titles(rules: RuleSet) -> dict[str, str]:

@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from safestage_eval.rules import BindFile, RuleSet, load_rules
 
 from .score_episode import Look
-
-if TYPE_CHECKING:
-    from safestage_eval.evidence.cache_folder import CacheFolder
 
 
 @dataclass(frozen=True)
@@ -24,10 +21,8 @@ class Settings:
         rules: paths, folders or built-in names of rule files.
         overrides: parameter → value as written.
         bind: what a bind file, read already, and the command line bind.
-        backend: whose clearances.
         assigned_only: judge each episode by its own assigned rules alone.
-        cache: folder in which measurements are kept.
-        verdicts_only: keep verdicts there, and no measurements, which are a hundred times larger.
+        strict: refuse episodes whose columns contradict each other.
         timeout: s that an episode may take; None: any.
         memory: bytes that the process which judges it may hold; None: any.
         look: what else is to be found in every episode, once it is judged; can be pickled.
@@ -36,20 +31,11 @@ class Settings:
     rules: tuple[str | Path, ...]
     overrides: Mapping[str, str] | None = None
     bind: BindFile | None = None
-    backend: str = "gjk"
     assigned_only: bool = False
-    cache: str | Path | None = None
-    verdicts_only: bool = False
+    strict: bool = False
     timeout: float | None = None
     memory: int | None = None
     look: Look | None = None
-
-    def _folder(self) -> CacheFolder | None:
-        if self.cache is None:
-            return None
-        from safestage_eval.evidence.cache_folder import CacheFolder
-
-        return CacheFolder(self.cache, measurements=not self.verdicts_only)
 
     @cached_property
     def rule_set(self) -> RuleSet:
@@ -71,9 +57,8 @@ class Settings:
         return {
             "overrides": self.overrides,
             "bind": self.bind,
-            "backend": self.backend,
             "assigned_only": self.assigned_only,
-            "cache": self._folder(),
+            "strict": self.strict,
             "look": self.look,
         }
 
@@ -86,9 +71,8 @@ def load_settings(
     assign: Sequence[str] = (),
     roles: Sequence[str] = (),
     protect: Sequence[str] = (),
-    backend: str = "gjk",
     assigned_only: bool = False,
-    cache: str | Path | None = None,
+    strict: bool = False,
     timeout: float | None = None,
     memory: int | None = None,
 ) -> Settings:
@@ -102,26 +86,19 @@ def load_settings(
             the next two beat every other source.
         roles: ``ROLE=BODIES``.
         protect: bodies of the role ``protected``.
-        backend: whose clearances: ``gjk``, our own, or ``fcl`` or ``coal`` for comparison.
         assigned_only: judge each episode by its own assigned rules alone.
-        cache: a folder in which measurements are kept between runs (docs/performance.md).
+        strict: refuse episodes whose columns contradict each other, instead of leaving these unknown.
         timeout: s that an episode may take; one that takes longer is a problem.
         memory: bytes that the process which judges an episode may hold; one that holds more is a problem. Either needs a
             worker process, so there is one at least.
 
     Raises:
         RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
-        InputError: a backend that does not exist, or is not installed.
     """
     from safestage_eval.rules import load_binding, parse_overrides
-    from safestage_eval.rules.digest import BACKEND
 
-    if backend != BACKEND:  # which is there always, and takes long to load
-        from safestage_eval.geometry.backend import check_backend
-
-        check_backend(backend)
     settings = Settings(
-        tuple(rules), overrides, None, backend, assigned_only, cache, False, timeout, memory
+        tuple(rules), overrides, None, assigned_only, strict, timeout=timeout, memory=memory
     )
     loaded = settings.rule_set
     parse_overrides(loaded, overrides or {})

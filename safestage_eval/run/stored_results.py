@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import overload
 
 from safestage_eval.verdicts import EpisodeResult
-from safestage_eval.verdicts.verdict_json import result_from_json
+from safestage_eval.verdicts.verdict import result_from_json
 
 from .result_parts import Parts
 

@@ -9,7 +9,6 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from safestage_eval._process import heap
-from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import READY, follow
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts import EpisodeResult
@@ -50,7 +49,6 @@ def serve(pipe: Connection, answer: Callable[[EpisodeRef], Any]) -> None:
     follow()
     heap.keep()
     bound = heap.Bound()
-    compile_kernels()
     gc.set_threshold(GARBAGE)
     gc.freeze()  # what is there by now stays: collections after an episode need not look at it
     try:
@@ -67,7 +65,7 @@ def line_of(result: EpisodeResult | Problem) -> Line | Problem:
     """A result as it is stored; a problem as it is."""
     if isinstance(result, Problem):
         return result
-    from safestage_eval.verdicts.verdict_json import to_json
+    from safestage_eval.verdicts.verdict import to_json
 
     text = json.dumps(to_json(result), separators=(",", ":"), ensure_ascii=False).encode()
     return Line(text, result.episode_id, result.trace_hash)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series, exact
+from safestage_eval.evidence.intervals import Interval, exact
 from safestage_eval.units import UNIT_DIMENSION, in_si
 
 if TYPE_CHECKING:
@@ -19,9 +19,9 @@ UNIT = Option("unit", "unit", "The unit it is recorded in; a plain number if lef
 
 @signal(
     "channel", "number", args=("name", "a"), needs=("channel",), groups=True, scale=1.0,
-    options=(NAME, UNIT), named="channel", reads="", per_frame=True,
+    options=(NAME, UNIT), named="channel", reads="",
 )  # fmt: skip
-def channel(request: Request) -> Series:
+def channel(request: Request) -> Interval:
     """A recorded scalar of the body, by its name: temperature, fill level and so on.
 
     SI, if it is in the unit that the variant says; else as recorded. Of a union: the one of the only

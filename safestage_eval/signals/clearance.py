@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 @signal(
     "clearance", "length", args=("a", "b"), needs=("poses", "geometry"), groups=True,
-    per_frame=True, symmetric=True, capped=True,
+    symmetric=True, capped=True,
 )  # fmt: skip
-def clearance(request: Request) -> Series:
+def clearance(request: Request) -> Interval:
     """Distance between the two geometries; zero or less when they touch or penetrate.
 
     m, least over the pairs of two unions; exact up to the cap.
@@ -28,9 +28,9 @@ def clearance(request: Request) -> Series:
 
 @signal(
     "clearance_xy", "length", args=("a", "b"), needs=("poses", "geometry"), groups=True,
-    per_frame=True, symmetric=True, capped=True,
+    symmetric=True, capped=True,
 )  # fmt: skip
-def clearance_xy(request: Request) -> Series:
+def clearance_xy(request: Request) -> Interval:
     """Distance between the horizontal projections; zero or less when they overlap.
 
     m, least over the pairs of two unions; exact up to the cap.
@@ -38,11 +38,11 @@ def clearance_xy(request: Request) -> Series:
     return _clearance(request, flat=True)
 
 
-def _clearance(request: Request, *, flat: bool) -> Series:
+def _clearance(request: Request, *, flat: bool) -> Interval:
     from safestage_eval.geometry.group_clearance import clearance_series
 
     movers = request.shapes()
-    if isinstance(movers, Series):
+    if isinstance(movers, Interval):
         return movers
     distance = clearance_series(
         movers[0],
@@ -51,21 +51,20 @@ def _clearance(request: Request, *, flat: bool) -> Series:
         flat=flat,
         slack=request.slack,
         deep=request.deep,
-        backend=request.facts.backend,
     )
     frames = len(request.episode)
     lower, upper = (
         x if len(x) == frames else np.broadcast_to(x, frames)
         for x in (distance.lower, distance.upper)
     )
-    return request.least(Series(lower, upper, request.dimension))
+    return request.least(Interval(lower, upper, request.dimension))
 
 
 @signal(
     "self_clearance", "length", args=(), needs=("poses", "geometry"), reads="robot",
-    per_frame=True, capped=True,
+    capped=True,
 )  # fmt: skip
-def self_clearance(request: Request) -> Series:
+def self_clearance(request: Request) -> Interval:
     """Least distance between bodies of the robot that the model lets collide.
 
     m; exact up to the cap.
@@ -83,12 +82,11 @@ def self_clearance(request: Request) -> Series:
         request.cap,
         slack=request.slack,
         deep=request.deep,
-        backend=request.facts.backend,
     )
     unseen = {
         body.name for pair in colliding_pairs(request.episode) for body in pair if body.unseen
     }
-    return open_below(Series(distance.lower, distance.upper, request.dimension), sorted(unseen))
+    return open_below(Interval(distance.lower, distance.upper, request.dimension), sorted(unseen))
 
 
 def _gap_at_start(pair: tuple[Mover, Mover]) -> float:

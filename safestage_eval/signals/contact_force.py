@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
-    from safestage_eval.relations.relations import Relations
 
 F64 = NDArray[np.float64]
 
@@ -22,38 +21,31 @@ ROUNDING = 1e-6
 
 @signal(
     "contact_force", "force", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
-    per_frame=True, symmetric=True,
+    symmetric=True,
 )  # fmt: skip
-def contact_force(request: Request) -> Series:
+def contact_force(request: Request) -> Interval:
     """Sum of the magnitudes of the normal forces of all contacts between the two."""
     return _force(request, peaks=False)
 
 
-def _with_missed_peaks(relations: Relations, bodies: tuple[str, ...], series: Series) -> Series:
-    from safestage_eval.relations.between import with_missed_peaks
-
-    return with_missed_peaks(relations, bodies, series)
-
-
 @signal(
     "peak_force", "force", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
-    per_frame=True, symmetric=True, refine=_with_missed_peaks,
+    symmetric=True,
 )  # fmt: skip
-def peak_force(request: Request) -> Series:
+def peak_force(request: Request) -> Interval:
     """Largest value of that sum over the physics steps within the frame."""
     return _force(request, peaks=True)
 
 
 @signal(
     "total_force", "force", args=("a",), needs=("forces",), groups=True, scale=1.0, reads="",
-    per_frame=True,
 )  # fmt: skip
-def total_force(request: Request) -> Series:
+def total_force(request: Request) -> Interval:
     """Sum of the magnitudes of all normal forces on the body."""
     return _force(request, peaks=False)
 
 
-def _force(request: Request, *, peaks: bool) -> Series:
+def _force(request: Request, *, peaks: bool) -> Interval:
     """N, summed over the pairs of two unions, or of one with everything else.
 
     The peaks of several pairs need not be at one moment: ``peak_force`` is at least the largest and
@@ -61,10 +53,16 @@ def _force(request: Request, *, peaks: bool) -> Series:
     known may be any.
     """
     gaps = request.facts.gaps
-    if not gaps.forces:
-        return request.unknown(gaps.about_forces)
     sums, pairs = request.facts.contact_sums, _pairs(request)
     total = np.zeros(len(request.episode))
+    if not gaps.forces:
+        unknown = request.unknown(gaps.about_forces)
+        if not peaks or request.episode.header.force_source == "none":
+            return unknown
+        for i, j in pairs:  # a peak that was recorded was there, whatever the forces
+            total = np.maximum(total, sums.peak(i, j))
+        lower = np.where(total > 0, total, unknown.lower)
+        return Interval(lower, unknown.upper, unknown.dimension, unknown.notes)
     least = total
     for i, j in pairs:
         force = (sums.peak if peaks else sums.normal)(i, j)
@@ -76,17 +74,17 @@ def _force(request: Request, *, peaks: bool) -> Series:
     else:  # the sum at the frame is one that there was
         at_once = sum(sums.normal(i, j) for i, j in pairs)
         least = np.where(total <= at_once * (1 + ROUNDING), total, np.maximum(least, at_once))
-    lost = gaps.of_pairs(pairs)
+    lost = gaps.of_pairs(pairs, peaks=peaks)
     if lost is not None:
         total = np.where(lost, np.inf, total)
-    return Series(least, total, request.dimension, gaps.told(pairs))
+    return Interval(least, total, request.dimension, gaps.told(pairs, peaks=peaks))
 
 
 @signal(
     "contact_count", "number", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
-    per_frame=True, symmetric=True,
+    symmetric=True,
 )  # fmt: skip
-def contact_count(request: Request) -> Series:
+def contact_count(request: Request) -> Interval:
     """Number of contact points at which the two press on each other."""
     gaps = request.facts.gaps
     if not gaps.forces:
@@ -100,14 +98,14 @@ def contact_count(request: Request) -> Series:
     lost, most = gaps.of_pairs(pairs), count
     if lost is not None:
         count, most = np.where(lost, 0.0, count), np.where(lost, np.inf, count)
-    return Series(count, most, request.dimension, gaps.told(pairs))
+    return Interval(count, most, request.dimension, gaps.told(pairs))
 
 
 @signal(
     "impulse", "impulse", args=("a", "b"), needs=("forces",), groups=True, scale=0.1, reads="",
     sums="up", symmetric=True,
 )  # fmt: skip
-def impulse(request: Request) -> Series:
+def impulse(request: Request) -> Interval:
     """Time integral of the contact force since the two last began to touch; 0 when they do not.
 
     N s. The force at a frame acts over the time since the frame before. At the first frame of a touch,
@@ -122,23 +120,25 @@ def impulse(request: Request) -> Series:
     step = np.minimum(episode.header.physics_dt, seconds)
     lower, upper = np.zeros(len(episode)), np.zeros(len(episode))
     touching = np.zeros(len(episode), np.bool_)
-    pairs = _pairs(request)
+    pairs, lost = _pairs(request), gaps.unseen
     for i, j in pairs:
         force = request.facts.contact_sums.normal(i, j)
         peak = request.facts.contact_sums.peak(i, j)
+        unknown = request.facts.contact_sums.touch_unknown(i, j)
+        lost = unknown if lost is None else lost if unknown is None else lost | unknown
         begins = (force > 0) & (np.concatenate([[0.0], force[:-1]]) <= 0)
         lower += np.where(force > 0, force * np.where(begins, step, seconds), peak * step)
         upper += np.where(force > 0, force * seconds, peak * seconds)
         touching |= peak > 0
     most = _since_touching(upper, touching)
-    lost = gaps.of_pairs(pairs)
     if lost is not None:
         may = touching | lost
         begun = np.maximum.accumulate(np.where(may, 0, np.arange(1, len(may) + 1)))
         since = np.cumsum(lost)
         before = np.concatenate([[0], since])[begun]
         most = np.where(may & (since > before), np.inf, _since_touching(upper, may))
-    return Series(_since_touching(lower, touching), most, request.dimension, gaps.told(pairs))
+    notes = () if lost is None else gaps.told(pairs, peaks=True)
+    return Interval(_since_touching(lower, touching), most, request.dimension, notes)
 
 
 def _since_touching(gains: F64, touching: NDArray[np.bool_]) -> F64:

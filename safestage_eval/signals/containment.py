@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
@@ -20,13 +20,13 @@ BOX = Option(
 )
 
 
-@signal("containment_depth", "length", args=("a", "b"), needs=("poses", "geometry"), per_frame=True)
-def containment_depth(request: Request) -> Series:
+@signal("containment_depth", "length", args=("a", "b"), needs=("poses", "geometry"))
+def containment_depth(request: Request) -> Interval:
     """Signed depth of the first body's hull centroid in the second's cavity."""
     from safestage_eval.geometry import cavity
 
     movers = request.shapes()
-    if isinstance(movers, Series):
+    if isinstance(movers, Interval):
         return movers
     container = request.bodies[1]
     hollow = request.episode.bodies[container].cavity
@@ -38,9 +38,9 @@ def containment_depth(request: Request) -> Series:
 
 @signal(
     "workspace_margin", "length", args=("a",), needs=("poses", "geometry"), groups=True,
-    options=(BOX,), per_frame=True,
+    options=(BOX,),
 )  # fmt: skip
-def workspace_margin(request: Request) -> Series:
+def workspace_margin(request: Request) -> Interval:
     """Signed distance from the body to the faces of a box, inside positive.
 
     m, of all geometry to the nearest face; negative: how far it is beyond one.
@@ -48,7 +48,7 @@ def workspace_margin(request: Request) -> Series:
     from safestage_eval.geometry.extent import reach
 
     movers = request.shapes()
-    if isinstance(movers, Series):
+    if isinstance(movers, Interval):
         return movers
     box = np.asarray(request.option("box"), np.float64)
     if box.shape != (6,):

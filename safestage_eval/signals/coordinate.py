@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 from .displacement import POINT
 
@@ -19,7 +19,7 @@ AXIS = Option("axis", "choice", "An axis of the world.", required=True, choices=
     "coordinate", "length", args=("a",), needs=("poses",), since=True, options=(AXIS, POINT),
     reads="com",
 )  # fmt: skip
-def coordinate(request: Request) -> Series:
+def coordinate(request: Request) -> Interval:
     """World coordinate of the centre of mass along an axis.
 
     m, world; with a reference that is an event, the change since then.

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.missing_values import POSE, TWIST
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
+from safestage_eval.evidence.missing_values import POSE, TWIST, around
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
@@ -47,7 +47,7 @@ STEADY = 1e-6
     "impact", "force", args=("a",), needs=("twists", "masses"), scale=1.0, options=(OVER,),
     reads="velocity", ahead=True,
 )  # fmt: skip
-def impact(request: Request) -> Series:
+def impact(request: Request) -> Interval:
     """Mass times change of velocity over a stated time, divided by that time.
 
     N, m‖Δv‖/Δt of the centre of mass. Between frames velocities are interpolated; before the first frame they are as in the first.
@@ -56,7 +56,7 @@ def impact(request: Request) -> Series:
     if mass is None:
         return request.unknown(f"the trace has no mass of {request.bodies[0]}")
     changed = _change(request)
-    if isinstance(changed, Series):
+    if isinstance(changed, Interval):
         return changed
     change, notes = changed
     force = mass * np.linalg.norm(change, axis=1) / _over(request)
@@ -67,7 +67,7 @@ def impact(request: Request) -> Series:
     "quasistatic_force", "force", args=("a",), needs=("forces", "twists"), scale=1.0,
     options=(OVER,), reads="velocity", ahead=True,
 )  # fmt: skip
-def quasistatic_force(request: Request) -> Series:
+def quasistatic_force(request: Request) -> Interval:
     """Sum of the normal forces on the body, each without its part along the change of velocity.
 
     N, Σ ‖F − (F·â)â‖ over the contacts of the body, â the direction of Δv over the stated Δt. F is the normal force on the body. One against Δv, or while there is no Δv, counts whole.
@@ -77,7 +77,7 @@ def quasistatic_force(request: Request) -> Series:
     if not gaps.forces:
         return request.unknown(gaps.about_forces)
     changed = _change(request)
-    if isinstance(changed, Series):
+    if isinstance(changed, Interval):
         return changed
     change, notes = changed
     size = np.linalg.norm(change, axis=1)
@@ -100,14 +100,14 @@ def quasistatic_force(request: Request) -> Series:
     if lost is None:
         return request.exact(total, notes)
     most = np.where(lost, np.inf, total)
-    return Series(total, most, request.dimension, (*notes, *gaps.told(pairs)))
+    return Interval(total, most, request.dimension, (*notes, *gaps.told(pairs)))
 
 
 @signal(
     "damage", "ratio", args=("a",), needs=("forces", "twists", "masses"), scale=0.1,
     options=(OVER,), columns=COLUMNS, reads="velocity", ahead=True,
 )  # fmt: skip
-def damage(request: Request) -> Series:
+def damage(request: Request) -> Interval:
     """Health that the body would lose over the stated time, by its material.
 
     Ratio, min(1, max(0, s_i·F_i + s_q·F_q − T)·k / 100): one evaluation at each frame.
@@ -134,26 +134,26 @@ def damage(request: Request) -> Series:
     least = loss(np.maximum(impacts.lower, 0), np.maximum(holds.lower, 0))
     if impacts.lower is impacts.upper and holds.lower is holds.upper:
         return request.exact(least, notes)
-    return Series(least, loss(impacts.upper, holds.upper), request.dimension, notes)
+    return Interval(least, loss(impacts.upper, holds.upper), request.dimension, notes)
 
 
 @signal(
     "health", "ratio", args=("a",), needs=("forces", "twists", "masses"), scale=0.1,
     options=(OVER,), columns=COLUMNS, reads="", ahead=True, sums="down",
 )  # fmt: skip
-def health(request: Request) -> Series:
+def health(request: Request) -> Interval:
     """Health left of 100 % after all damage so far; never rises.
 
     Damage is what one evaluation costs, and there is one every Δt: ∫ damage dt / Δt. An impact is
     seen for Δt, so it costs its damage once.
     """
-    from safestage_eval.evidence.unseen import beside, lost_within
+    from safestage_eval.evidence.unseen import lost_within
 
     loss = damage(request)
     if not loss.known.any():
         return loss
     gap = request.facts.gaps.of_bodies(request.bodies, ALL)
-    lost = None if gap is None else lost_within(request, beside(request, gap))
+    lost = None if gap is None else lost_within(request, around(gap))
     seconds = np.diff(request.episode.t, prepend=request.episode.t[0])
 
     def left(damage: F64) -> F64:
@@ -164,7 +164,7 @@ def health(request: Request) -> Series:
     least, most = loss.lower, loss.upper
     if lost is not None:  # whatever happened meanwhile: from nothing to all
         least, most = np.where(lost, 0.0, least), np.where(lost, 1.0, most)
-    return Series(left(most), left(least), request.dimension, loss.notes)
+    return Interval(left(most), left(least), request.dimension, loss.notes)
 
 
 def _over(request: Request) -> float:
@@ -173,7 +173,7 @@ def _over(request: Request) -> float:
     return request.over
 
 
-def _change(request: Request) -> tuple[F64, tuple[str, ...]] | Series:
+def _change(request: Request) -> tuple[F64, tuple[str, ...]] | Interval:
     """(T, 3) m/s, change of the COM's velocity over the stated time, and notes."""
     over, t = _over(request), request.episode.t
     if len(t) > 1 and over < request.episode.dt * (1 - 1e-6):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series, hide
+from safestage_eval.evidence.intervals import Interval, hide
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
@@ -30,7 +30,7 @@ POINT = Option(
 )
 
 
-def _displacement(request: Request, axes: int) -> Series:
+def _displacement(request: Request, axes: int) -> Interval:
     """m, of a point of the body from the reference, over the first 2 or 3 coordinates."""
     from safestage_eval.geometry.lengths import distances
 
@@ -48,7 +48,7 @@ def _displacement(request: Request, axes: int) -> Series:
     "displacement", "length", args=("a",), needs=("poses",), since=True, from_start=True,
     options=(NORM, POINT), reads="com", metric=True,
 )  # fmt: skip
-def displacement(request: Request) -> Series:
+def displacement(request: Request) -> Interval:
     """Distance of the centre of mass from where it was at the reference."""
     return _displacement(request, 3)
 
@@ -57,13 +57,13 @@ def displacement(request: Request) -> Series:
     "displacement_xy", "length", args=("a",), needs=("poses",), since=True, from_start=True,
     options=(NORM, POINT), reads="com", metric=True,
 )  # fmt: skip
-def displacement_xy(request: Request) -> Series:
+def displacement_xy(request: Request) -> Interval:
     """Horizontal distance of the centre of mass from where it was at the reference."""
     return _displacement(request, 2)
 
 
 @signal("remoteness", "length", args=("a",), needs=("poses",), scale=1.0, reads="com")
-def remoteness(request: Request) -> Series:
+def remoteness(request: Request) -> Interval:
     """Distance of the centre of mass from the robot's base; of a robot without a fixed one, from
     the nearest of its bodies.
 

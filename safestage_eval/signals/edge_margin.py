@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.missing_values import POSE, TWIST, around
-from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.relations import Relations, SupportRequest
+    from safestage_eval.evidence.facts import Request
+    from safestage_eval.relations.relations import Relations
 
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
@@ -33,7 +34,7 @@ DROP = Option(
     "edge_margin", "length", args=("a", "b"), optional=1, needs=("poses", "geometry"),
     options=(DROP,), reads="", support=True, costly=True,
 )  # fmt: skip
-def edge_margin(request: SupportRequest) -> Series:
+def edge_margin(request: Request) -> Interval:
     """Signed distance from the body's base to the unguarded edge of what it stands on
     (or of the second argument alone); positive when it is fully on.
 
@@ -88,7 +89,7 @@ def edge_margin(request: SupportRequest) -> Series:
     if a in relations.unweighed and any(on[at].any() for on in known.values()):
         lower[at] = -np.inf
         notes = (*notes, f"the trace has no mass of {a}: whether it is borne is not told")
-    return Series(lower[at], upper[at], "length", relations.caveat("supports") + notes)
+    return Interval(lower[at], upper[at], "length", relations.caveat("supports") + notes)
 
 
 def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Bool]:
@@ -100,6 +101,7 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
     from safestage_eval.evidence.motion import derived
 
     episode, graph, shares = relations.episode, relations.graph, {}
+    held = relations.least.held
     lost, own = np.zeros(len(at), np.bool_), graph.assemblies.of(episode.body_index[a])
     for i, body in enumerate(episode.header.bodies):
         moves = body.kind in ("robot", "gripper") and body.movable
@@ -118,8 +120,8 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
         seen = np.ones(len(at), np.bool_) if away is None else ~away[at]
         lost |= ~seen
         if i not in graph.assemblies.fixed:
-            stays &= ~relations.held(i)[at]
-            stays &= ~graph.rests_on(i, episode.body_index[a], relations.held)[at]
+            stays &= ~held(i)[at]
+            stays &= ~graph.rests_on(i, episode.body_index[a], held)[at]
         shares[body.name] = stays & seen
     return {name: on for name, on in shares.items() if on.any()}, lost
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.relations import Relations, SupportRequest
+    from safestage_eval.evidence.facts import Request
+    from safestage_eval.relations.relations import Relations
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -31,33 +32,20 @@ class Grounds:
     Attributes:
         sure: it is supported, held or carried.
         perhaps: it may be.
-        hand: the robot has it, or may have it.
+        taken, hand: the robot has it; or may have it.
     """
 
     def __init__(self, relations: Relations, name: str) -> None:
-        """Raises LookupError with what the trace lacks, where nothing tells."""
-        frames = len(relations.episode)
-        self.sure, self.perhaps, self.hand = (np.zeros(frames, np.bool_) for _ in range(3))
-        self.taken = np.zeros(frames, np.bool_)
-        for relation in ("supported", "held", "carried"):
-            truth = relations.get(relation, [name])
-            if truth is None:
-                raise LookupError(relations.lacking(relation, [name]) or "shapes")
-            doubtful = relations.doubtful(relation, [name])
-            sure = may = np.asarray(truth)
-            if doubtful is not None:
-                sure, may = truth & ~doubtful[0], truth | doubtful[0]
-            self.sure |= sure
-            self.perhaps |= may
-            if relation != "supported":
-                self.taken |= sure
-                self.hand |= may
+        told = {r: relations.told(r, [name]) for r in ("supported", "held", "carried")}
+        sure = {r: found.lower > 0 for r, found in told.items()}
+        may = {r: found.upper > 0 for r, found in told.items()}
+        self.sure, self.perhaps = (np.logical_or.reduce([*x.values()]) for x in (sure, may))
+        self.taken = sure["held"] | sure["carried"]
+        self.hand = may["held"] | may["carried"]
 
 
-@signal(
-    "fall", "length", args=("a",), needs=("poses", "touch"), reads="", support=True, by_motion=True
-)
-def fall(request: SupportRequest) -> Series:
+@signal("fall", "length", args=("a",), needs=("poses", "touch"), reads="", support=True)
+def fall(request: Request) -> Interval:
     """Height that the body lost since it last was supported or in the robot's hand; a range where
     the frames do not tell how much of that it fell.
 
@@ -67,11 +55,9 @@ def fall(request: SupportRequest) -> Series:
     lowest point lost since the last frame at which something certainly kept it, or a later one at which
     something may have. What the hand has at two frames in a row, it has between them too.
     """
-    relations, name = request.relations, request.bodies[0]
-    try:
-        ground = Grounds(relations, name)
-    except LookupError as lacking:
-        return request.unknown(f"fall() is unknown: the trace has no {lacking}")
+    relations: Relations = request.relations
+    name = request.bodies[0]
+    ground = Grounds(relations, name)
     episode, movers = relations.episode, relations.signals.movers
     frames = np.arange(len(episode))
     high = relations.signals.com_position(name)[:, 2]
@@ -93,7 +79,7 @@ def fall(request: SupportRequest) -> Series:
     last = np.maximum(frames - 1, 0)
     most[ground.taken & ground.taken[last] & (since == last)] = 0.0
     certain, most = (np.where(some < LEAST, 0.0, some) for some in (certain, most))
-    return Series(np.minimum(certain, most), np.maximum(certain, most), "length")
+    return Interval(np.minimum(certain, most), np.maximum(certain, most), "length")
 
 
 def _latest(truth: Bool) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 from .displacement import POINT
 
@@ -29,7 +29,7 @@ LIFTED = Option(
 @signal(
     "height", "length", args=("a",), needs=("poses",), since=True, options=(POINT,), reads="com"
 )
-def height(request: Request) -> Series:
+def height(request: Request) -> Interval:
     """World z of the centre of mass.
 
     m, world; with a reference that is an event, the change since then.
@@ -46,11 +46,11 @@ def height(request: Request) -> Series:
     "lift", "length", args=("a",), needs=("poses", "geometry"), since=True, from_start=True,
     options=(LIFTED,),
 )  # fmt: skip
-def lift(request: Request) -> Series:
+def lift(request: Request) -> Interval:
     """Lowest point of the body's geometry above its lowest point at the reference."""
     if request.option("point") in (None, "lowest"):
         movers = request.shapes()
-        if isinstance(movers, Series):
+        if isinstance(movers, Interval):
             return movers
         low = request.facts.movers.lowest(request.groups[0][0])
     else:
@@ -64,12 +64,12 @@ def lift(request: Request) -> Series:
 
 @signal(
     "height_above", "length", args=("a", "b"), needs=("poses", "geometry"),
-    groups=True, per_frame=True,
+    groups=True,
 )  # fmt: skip
-def height_above(request: Request) -> Series:
+def height_above(request: Request) -> Interval:
     """Lowest point of the first above the highest point of the second."""
     movers = request.shapes()
-    if isinstance(movers, Series):
+    if isinstance(movers, Interval):
         return movers
     known = request.facts.movers
     lows = [known.lowest(mover.shape.name) for mover in movers[0]]

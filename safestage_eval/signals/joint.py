@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
     from safestage_eval.episode import Joint
@@ -29,15 +29,15 @@ _MOVES = {"revolute": "turns", "prismatic": "slides"}
 
 @signal(
     "joint_torque", "torque", args=("j",), needs=("joints",), scale=1.0, options=(FORCE_UNIT,),
-    joints=True, reads="", per_frame=True,
+    joints=True, reads="",
 )  # fmt: skip
-def joint_torque(request: Request) -> Series:
+def joint_torque(request: Request) -> Interval:
     """Torque of the joint's actuator, with its sign.
 
     N m; N where the variant says so.
     """
     pair = _joint(request, "N m")
-    if isinstance(pair, Series):
+    if isinstance(pair, Interval):
         return pair
     number, _ = pair
     recorded = request.episode.frames.joint_torque
@@ -50,13 +50,13 @@ def joint_torque(request: Request) -> Series:
     "joint_speed", "rate", args=("j",), needs=("joints",), scale=0.1, options=(SPEED_UNIT,),
     joints=True, reads="", ahead=True,
 )  # fmt: skip
-def joint_speed(request: Request) -> Series:
+def joint_speed(request: Request) -> Interval:
     """Velocity of the joint, with its sign.
 
     rad/s; m/s where the variant says so. Derived from positions where no velocity was recorded.
     """
     pair = _joint(request, "rad/s")
-    if isinstance(pair, Series):
+    if isinstance(pair, Interval):
         return pair
     number, joint = pair
     frames = request.episode.frames
@@ -72,16 +72,15 @@ def joint_speed(request: Request) -> Series:
 
 @signal(
     "joint_opening", "ratio", args=("j",), needs=("joints",), scale=0.1, joints=True, reads="",
-    per_frame=True,
 )  # fmt: skip
-def joint_opening(request: Request) -> Series:
+def joint_opening(request: Request) -> Interval:
     """Position between the joint's limits: 0 closed (the limit nearer to zero) … 1 open.
 
     Closed is the limit nearer to zero, where models put a drawer or door that is shut; the lower
     one if both are equally far. A door with limits −1.57 … 0 rad is closed at 0.
     """
     pair = _joint(request, "")
-    if isinstance(pair, Series):
+    if isinstance(pair, Interval):
         return pair
     number, joint = pair
     recorded = request.episode.frames.joint_position
@@ -94,10 +93,8 @@ def joint_opening(request: Request) -> Series:
     return request.exact(share if abs(low) <= abs(high) else 1 - share)
 
 
-@signal(
-    "gripper_opening", "ratio", args=(), needs=("gripper",), scale=0.1, reads="", per_frame=True
-)
-def gripper_opening(request: Request) -> Series:
+@signal("gripper_opening", "ratio", args=(), needs=("gripper",), scale=0.1, reads="")
+def gripper_opening(request: Request) -> Interval:
     """0 closed … 1 open."""
     recorded = request.episode.frames.gripper
     if not recorded.shape[1]:
@@ -105,7 +102,7 @@ def gripper_opening(request: Request) -> Series:
     return request.exact(recorded[:, 0])
 
 
-def _joint(request: Request, usual: str) -> tuple[int, Joint] | Series:
+def _joint(request: Request, usual: str) -> tuple[int, Joint] | Interval:
     """The joint of this name, or the only one that moves the body of this name.
 
     ``usual`` is the unit that is meant where the variant names none; empty for any joint.

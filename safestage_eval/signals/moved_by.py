@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.relations import SupportRequest
+    from safestage_eval.evidence.facts import Request
 
 AFTER = Option(
     "over",
@@ -16,7 +16,6 @@ AFTER = Option(
     "For how long after the touch its effect is looked for; 0.5 s if left out.",
     default=0.5,
     param=True,
-    looks="ahead",
 )
 
 
@@ -24,7 +23,7 @@ AFTER = Option(
     "moved_by", "length", args=("a", "b"), needs=("poses", "touch"), groups=True, options=(AFTER,),
     reads="", symmetric=True, support=True,
 )  # fmt: skip
-def moved_by(request: SupportRequest) -> Series:
+def moved_by(request: Request) -> Interval:
     """While the two touch: how far one of them, which was at rest, goes at once and within the
     stated time after; 0 when they do not touch. The robot itself does not count.
     """
@@ -37,7 +36,7 @@ def moved_by(request: SupportRequest) -> Series:
     "tipped_by", "angle", args=("a", "b"), needs=("poses", "touch"), groups=True, scale=0.0175,
     options=(AFTER,), reads="", symmetric=True, support=True,
 )  # fmt: skip
-def tipped_by(request: SupportRequest) -> Series:
+def tipped_by(request: Request) -> Interval:
     """The same of the angle by which its up axis leans away from how it stood."""
     from safestage_eval.relations.touch_effect import effect_of_touch
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from safestage_eval.evidence.declare import signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.relations import SupportRequest
+    from safestage_eval.evidence.facts import Request
 
 
 @signal(
     "overlap_xy", "ratio", args=("a", "b"), needs=("poses", "geometry"), scale=0.1, support=True,
     costly=True,
 )  # fmt: skip
-def overlap_xy(request: SupportRequest) -> Series:
+def overlap_xy(request: Request) -> Interval:
     """Share of the first body's footprint that lies over the second's.
 
     At N frames; 0 for a body without a footprint.

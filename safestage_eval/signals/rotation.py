@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
     from safestage_eval.episode import Body, Episode
@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
     "turn", "angle", args=("a",), needs=("poses",), since=True, from_start=True, scale=0.0175,
     reads="orientation", metric=True,
 )  # fmt: skip
-def turn(request: Request) -> Series:
+def turn(request: Request) -> Interval:
     """Geodesic angle between the orientation and the one at the reference."""
     from safestage_eval.geometry.pose import angle
 
@@ -45,7 +45,7 @@ def _lean(episode: Episode, body: str, axis: tuple[float, ...]) -> F64:
     return np.asarray(np.arctan2(lengths(up, 2), up[:, 2]))
 
 
-def _lean_since(request: Request) -> Series:
+def _lean_since(request: Request) -> Interval:
     """rad, between world z and what was up in the body at the reference, (T,).
 
     The same as the angle between world z as the body's frame has it now and as it had it then.
@@ -70,7 +70,7 @@ def _has_no_up_axis(body: Body) -> bool:
     "tilt", "angle", args=("a",), needs=("poses",), since=True, scale=0.0175, reads="up axis",
     metric=True, exempt=_has_no_up_axis,
 )  # fmt: skip
-def tilt(request: Request) -> Series:
+def tilt(request: Request) -> Interval:
     """Angle between the body's declared up axis and world z; a body without one has none.
 
     rad, from 0 to π. With a reference that is an event, the angle by which it leans away from how it

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import signal
-from safestage_eval.evidence.series import Series, exact, hide, unknown
+from safestage_eval.evidence.intervals import Interval, exact, hide, unknown
 
 if TYPE_CHECKING:
     from safestage_eval.episode import Episode
+    from safestage_eval.evidence.facts import Request
     from safestage_eval.evidence.reference import Reference
-    from safestage_eval.relations.relations import SupportRequest
 
 
 @signal("slip", "length", args=("a",), needs=("poses", "touch"), since=True, reads="", support=True)
-def slip(request: SupportRequest) -> Series:
+def slip(request: Request) -> Interval:
     """How far the centre of mass went in the gripper's frame since it was grasped.
 
     m. Unknown after frames that were not recorded: the grasp may have been lost in them. What is held
@@ -26,7 +26,7 @@ def slip(request: SupportRequest) -> Series:
     """
     relations, body = request.relations, request.bodies[0]
     decidable = relations.fingers_seen or not relations.blind
-    held = relations.get("held", [body]) if decidable else None
+    held = relations.told("held", [body]).lower > 0 if decidable else None
     drift = drift_of(request.episode, body, held, request.since)
     if decidable:
         drift = replace(drift, notes=(*drift.notes, *relations.caveat("held")))
@@ -36,7 +36,7 @@ def slip(request: SupportRequest) -> Series:
 
 def drift_of(
     episode: Episode, name: str, held: NDArray[np.bool_] | None, reference: Reference | None
-) -> Series:
+) -> Interval:
     """(T,) m, drift of the COM in the gripper's frame since the body was last grasped.
 
     While it is not held nothing has slipped: 0. With a reference, since its event, once there was

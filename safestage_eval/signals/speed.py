@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
@@ -30,7 +30,7 @@ OVER = Option(
 @signal(
     "speed", "speed", args=("a",), needs=("twists",), options=(OVER,), reads="velocity", ahead=True
 )
-def speed(request: Request) -> Series:
+def speed(request: Request) -> Interval:
     """Speed of the centre of mass.
 
     m/s. With ``over``: how far it went within that time before each frame, per time. The first frame,
@@ -49,7 +49,7 @@ def speed(request: Request) -> Series:
     return _mean(request, value, distances(com, com[first], 3), t - t[first])
 
 
-def _mean(request: Request, value: F64, gone: F64, seconds: F64) -> Series:
+def _mean(request: Request, value: F64, gone: F64, seconds: F64) -> Interval:
     """How far it went (T,) per time (T,), but in the first frame, of which ``value`` (T,) tells.
 
     Where samples are far apart, it may have gone all of that within the time that is asked for.
@@ -61,13 +61,13 @@ def _mean(request: Request, value: F64, gone: F64, seconds: F64) -> Series:
     if not brief.any():
         return request.exact(value)
     most = np.where(brief, gone / over, value)
-    return Series(value, most, request.dimension)
+    return Interval(value, most, request.dimension)
 
 
 @signal(
     "vertical_speed", "speed", args=("a",), needs=("twists",), reads="velocity", ahead=True
 )  # fmt: skip
-def vertical_speed(request: Request) -> Series:
+def vertical_speed(request: Request) -> Interval:
     """Upward speed of the centre of mass; negative when it falls."""
     velocity, notes = request.facts.com_velocity(request.bodies[0])
     return request.exact(velocity[:, 2], notes)
@@ -77,7 +77,7 @@ def vertical_speed(request: Request) -> Series:
     "angular_speed", "rate", args=("a",), needs=("twists",), scale=0.1,
     options=(replace(OVER, reads="orientation"),), reads="angular velocity", ahead=True,
 )  # fmt: skip
-def angular_speed(request: Request) -> Series:
+def angular_speed(request: Request) -> Interval:
     """Angular speed.
 
     rad/s. With ``over``: the angle by which it turned within that time before each frame, per time.
@@ -102,7 +102,7 @@ def angular_speed(request: Request) -> Series:
     "relative_speed", "speed", args=("a", "b"), needs=("twists",), groups=True, reads="velocity",
     ahead=True, symmetric=True,
 )  # fmt: skip
-def relative_speed(request: Request) -> Series:
+def relative_speed(request: Request) -> Interval:
     """Speed of one centre of mass relative to the other; for a union, of its fastest body."""
     from safestage_eval.geometry.lengths import distances
 

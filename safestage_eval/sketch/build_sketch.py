@@ -18,6 +18,7 @@ from safestage_eval.episode import (
     Track,
     still_track,
 )
+from safestage_eval.episode.header import SKETCH
 from safestage_eval.geometry.pose import conjugate, product
 
 from . import hand
@@ -102,7 +103,7 @@ def _episode(
         goal=sketch.goal,
         parameters=sketch.parameters,
         force_source="recorded" if sketch.forces else "none",
-        source=Source(recorder="safestage sketch"),
+        source=Source(recorder=SKETCH),
         bodies=tuple(bodies),
         joints=tuple(
             Joint(name=n, kind=j.kind, body=j.body, limits=j.limits)

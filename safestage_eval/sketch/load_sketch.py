@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.rules.diagnostic import Diagnostic, rendered
-from safestage_eval.rules.files import builtin_folder
+from safestage_eval.rules.diagnostic import Diagnostic, RuleErrors, rendered
+from safestage_eval.rules.files import builtin_folder, parsed
 from safestage_eval.rules.locate import Keys, Locations
 
 from .build_sketch import BrokenSceneError, build
@@ -82,9 +81,9 @@ def read(path: Path, knobs: Mapping[str, str] | None = None) -> Episode:
 def draw(text: str, path: str, name: str, knobs: Mapping[str, str] | None = None) -> Episode:
     """Draw the episode of a sketch's text; ``path`` and ``name`` are what messages say."""
     try:
-        table = from_toml(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise SketchError([Diagnostic(path, 1, 1, "K101", f"not valid TOML: {error}")]) from None
+        table = parsed(text, path)[1]
+    except RuleErrors as error:
+        raise SketchError([replace(one, code="K101") for one in error.diagnostics]) from None
     page = _Page(path, text)
     declared = table.get("knobs", {})
     values = {k: str(v) for k, v in declared.items()} if isinstance(declared, dict) else {}

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from safestage_eval.units import DIMENSIONS
+from safestage_eval.units import DIMENSIONS, finite
 
 UNITS: dict[str, dict[str, float]] = {**DIMENSIONS, "mass": {"kg": 1.0, "g": 1e-3}}
 """Those of rule files, and masses."""
@@ -60,14 +60,14 @@ def number(text: str) -> float:
     if not re.fullmatch(_SUM, text.strip()):
         raise ValueError(f"{text!r} is no number")
     terms = _TERM.findall(text)
-    return sum(-float(value) if sign == "-" else float(value) for sign, value in terms)
+    return finite(sum(-finite(value) if sign == "-" else finite(value) for sign, value in terms))
 
 
 def quantity(value: str | float, dimension: str) -> float:
     """``"8 cm"`` → 0.08. A ratio may be a bare number."""
     units = UNITS[dimension]
     if dimension == "ratio" and isinstance(value, int | float):
-        return float(value)
+        return finite(value)
     ending = "|".join(re.escape(u) for u in sorted(units, key=len, reverse=True))
     match = re.fullmatch(rf"({_SUM}) ?({ending})", str(value).strip())
     if match is None:
@@ -78,7 +78,7 @@ def quantity(value: str | float, dimension: str) -> float:
                 f"'30 deg'{axis}"
             )
         raise ValueError(f"{value!r} is no {dimension}: a number with {', '.join(units)}")
-    return number(match[1]) * units[match[2]]
+    return finite(number(match[1]) * units[match[2]])
 
 
 def vector(value: str, dimension: str = "length", components: tuple[int, ...] = (3,)) -> Vec3:
@@ -90,7 +90,7 @@ def vector(value: str, dimension: str = "length", components: tuple[int, ...] = 
         raise ValueError(
             f"{value!r} is no vector: {names}, then one of {', '.join(UNITS[dimension])}"
         )
-    out = [number(part) * UNITS[dimension][unit] for part in parts]
+    out = [finite(number(part) * UNITS[dimension][unit]) for part in parts]
     return (out[0], out[1], out[2] if len(out) > 2 else 0.0)
 
 

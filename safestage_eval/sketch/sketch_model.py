@@ -41,7 +41,8 @@ Push = Annotated[
     float | q.Vec3,
     BeforeValidator(lambda v: (q.vector if "," in str(v) else q.quantity)(v, "force")),
 ]
-Span = Annotated[tuple[float, float], BeforeValidator(q.span)]
+Span = Annotated[tuple[float, Annotated[float, Field(allow_inf_nan=True)]], BeforeValidator(q.span)]
+"""s, from and to; ∞ is the end of the sketch."""
 Turned = Annotated[tuple[float, Literal["x", "y", "z"]], BeforeValidator(q.turn)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_names), Field(min_length=1)]
 Side = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
@@ -55,7 +56,7 @@ Shapes = Annotated[
 class Table(BaseModel):
     """Base of all tables: no unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class BodySketch(Table):

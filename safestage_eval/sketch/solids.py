@@ -83,7 +83,7 @@ def ground(faces: list[tuple[F64, F64]], point: F64, below: float = np.inf) -> f
     levels = [
         level_at(face, point)
         for face in faces
-        if contains([convex_hull(face[1][:, :2])], point[None])[0]
+        if contains(convex_hull(face[1][:, :2]), point[None])[0]
     ]
     levels = [level for level in levels if level <= below]
     return max(levels) if levels else None

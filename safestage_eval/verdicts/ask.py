@@ -9,8 +9,8 @@ import numpy as np
 from safestage_eval.episode import Episode, with_holes
 from safestage_eval.errors import InputError, did_you_mean
 from safestage_eval.evidence.declare import Options
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import string_parser
@@ -19,6 +19,7 @@ from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.rules.load import load_rules
 from safestage_eval.signals import SIGNALS
 
+from .computed_signals import series_of
 from .evaluate import Evaluator
 from .judging import Judge
 
@@ -28,7 +29,7 @@ def ask(
     expression: str,
     relations: Relations | None = None,
     rules: ast.RuleSet | None = None,
-) -> Series:
+) -> Interval:
     """One signal, relation or state over time, known where rules take it as known.
 
     Args:
@@ -76,13 +77,13 @@ def _evaluator(
 
 def _declared(
     evaluator: Evaluator, expression: str, call: ast.Call, bodies: tuple[str, ...]
-) -> Series:
+) -> Interval:
     """A variant of a signal, or one that is computed from others."""
     rules = evaluator.rules
     computed = rules.derived.get(call.name)
     if computed is not None:
         _check_count(expression, len(bodies), (len(computed.of),))
-        return evaluator.computed_series(computed, bodies, None)
+        return series_of(evaluator, computed, bodies)
     variant = rules.signals[call.name]
     _check_count(
         expression, len(call.args), SIGNALS[variant.base].variant(dict(variant.options)).arities
@@ -92,12 +93,12 @@ def _declared(
     return evaluator.relations.signal(name, bodies, options=options, limits=limits)
 
 
-def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Series:
+def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Interval:
     """(T,) 1 where it certainly holds, 0 where it certainly does not, unknown elsewhere."""
-    band = evaluator.state(ast.Call(name, tuple(bodies)), {})
+    band = evaluator.state(ast.Call(name, tuple(bodies)), {}).margin
     lower, upper = band.true.astype(np.float64), (~band.false).astype(np.float64)
     open_ = band.unknown
-    return Series(
+    return Interval(
         np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper), "number",
         tuple(evaluator.notes),
     )  # fmt: skip

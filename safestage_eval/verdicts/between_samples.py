@@ -1,34 +1,139 @@
-"""States that may have held between two samples, unseen."""
+"""Samples that are far apart: what may have happened between two of them, unseen.
+
+``coarse`` (T,) is true where the next sample comes so late that much may happen before it. What lies between
+two such samples is no sample of its own. Instead each thing that hangs on when something was so is widened
+here to all that it may have been.
+"""
 
 from __future__ import annotations
 
-from safestage_eval.rules import syntax as ast
-from safestage_eval.states.band import Bool
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from .values import Values
+import numpy as np
+
+from safestage_eval.episode import Window
+from safestage_eval.evidence.intervals import Bool, Interval
+from safestage_eval.evidence.reference import Reference
+from safestage_eval.rules import syntax as ast
+
+from .events import Scope, Truth
+from .language import Language, lasting
+
+# ---- events
+
+
+def asks_edge(node: ast.Alternative | ast.Atom) -> bool:
+    """Something asks when a state starts or ends."""
+    match node:
+        case ast.Event():
+            return node.edge is not None
+        case ast.Condition():
+            return any(map(asks_edge, node.atoms))
+        case ast.AnyOf():
+            return any(map(asks_edge, node.alternatives))
+    return False
+
+
+def held_before_too(margin: Interval, coarse: Bool) -> Interval:
+    """What must hold when an event comes: at the sample that shows the event and the one before."""
+    lower = margin.lower.copy()
+    before = np.minimum(lower[1:], margin.lower[:-1])
+    lower[1:] = np.where(coarse[:-1], before, lower[1:])
+    return Interval(lower, margin.upper)
+
+
+def perhaps_before(event: Truth, coarse: Bool) -> Truth:
+    """The frames of an event; perhaps also those before them: what these show may have been so when it came."""
+    before = np.append(event.possible[1:], False) & coarse & ~event.possible
+    return Truth(event.sure, event.possible | before) if before.any() else event
+
+
+def begun_between(what: ast.Alternative, scope: Scope, coarse: Bool) -> Scope:
+    """The scope; its first frame may show an event that came before the scope began."""
+    first = scope.first
+    if not 0 < first < scope.stop or not coarse[first - 1] or not asks_edge(what):
+        return scope
+    sure = scope.certain.copy()
+    sure[0] = False
+    return scope._replace(sure=sure)
+
+
+def ended_between(scopes: Sequence[Scope], coarse: Bool) -> list[Scope]:
+    """Each scope, with the frame behind it: how far things went until the scope ended shows there alone."""
+    return [
+        Scope(s.first, s.stop + 1, s.cut, np.append(s.certain, False))
+        if s.first < s.stop < len(coarse) and coarse[s.stop - 1]
+        else s
+        for s in scopes
+    ]
+
+
+def one_earlier(reference: Reference, coarse: Bool) -> Reference | None:
+    """What a change is measured from if each event came as early as it may have; None where that is the same."""
+    since = reference.since
+    if since is None or not coarse.any():
+        return None
+    between = (since > 0) & coarse[np.maximum(since - 1, 0)]
+    if not between.any():
+        return None
+    return Reference(reference.baseline, since - between, f"earliest {reference.key}")
+
+
+# ---- how long a state lasted
+
+
+def lasts(
+    evaluator: Language,
+    state: ast.StateDef,
+    persistent: Callable[[ast.StateDef, Window], Interval],
+) -> Interval:
+    """Where a state lasts for long enough; unknown where too few samples, far apart, show it.
+
+    Args:
+        evaluator: of the episode.
+        state: with ``for`` or ``gap``.
+        persistent: its condition, filtered as a state asks for with a window for its ``for``.
+    """
+    window, coarse = evaluator.window(state.for_), evaluator.clock.coarse
+    found = persistent(state, window)
+    if not coarse.any():
+        return found
+    lower, upper = found.lower, found.upper
+    if state.gap is not None:  # a gap of one such sample may have been long
+        apart = persistent(replace(state, gap=None), window).lower
+        lower = np.where(coarse, np.minimum(lower, apart), lower)
+    if state.for_ is not None:
+        strict = evaluator.clock.surely(lasting(evaluator.duration(state.for_)))
+        lower = np.where(coarse, np.minimum(lower, persistent(state, strict).lower), lower)
+        if window.loose is not window:
+            perhaps = persistent(state, window.loose).upper
+            upper = np.where(coarse, np.maximum(upper, perhaps), upper)
+    return Interval(lower, upper)
 
 
 def hidden_touch(
-    values: Values, state: ast.StateDef, bodies: tuple[str, ...], seconds: float
+    evaluator: Language, state: ast.StateDef, bodies: tuple[str, ...], seconds: float
 ) -> Bool | None:
     """(T,) where the state may hold for ``seconds`` between a sample and the next; None: nowhere."""
-    coarse = values.clock.spacing >= seconds * (1 - 1e-6)
-    if values.clock.unseen is not None:  # where nothing is known anyway
-        coarse &= ~values.clock.unseen
+    clock, relations = evaluator.clock, evaluator.relations
+    coarse = clock.spacing >= seconds * (1 - 1e-6)
+    if clock.unseen is not None:  # where nothing is known anyway
+        coarse &= ~clock.unseen
     env, out = dict(zip(state.of, bodies, strict=True)), None
     for atom in state.when.atoms:
         if not isinstance(atom, ast.SignalAtom) or atom.call.name != "contact_force":
             continue
-        asked = values.asked(atom, env)
+        asked = evaluator.asked(atom, env)
         if len(asked.bodies) != 2 or atom.limits[0].op[0] != ">":
             continue
-        peak = values.relations.signal("peak_force", asked.bodies)
-        out = values.relations.may_touch_between(*asked.bodies, coarse)
+        peak = relations.signal("peak_force", asked.bodies)
+        out = relations.may_touch_between(*asked.bodies, coarse)
         out = out | (coarse & (peak.lower >= asked.limits[0]))
         if out.any():
-            first, t = int(out.argmax()), values.episode.t
-            values.notes[
+            first, t = int(out.argmax()), evaluator.episode.t
+            evaluator.notes[
                 f"{asked.bodies[0]} may have touched {asked.bodies[1]} between two samples that "
-                f"are {values.clock.spacing[first] * 1e3:.0f} ms apart, at {t[first]:.2f} s"
+                f"are {clock.spacing[first] * 1e3:.0f} ms apart, at {t[first]:.2f} s"
             ] = None
     return out

@@ -8,17 +8,16 @@ from typing import Literal
 
 import numpy as np
 
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Bool, Interval
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES
-from safestage_eval.states.band import Band, Bool
 
-from .evaluate import Evaluator
+from .evaluate import Evaluated, Evaluator
+from .language import Env
 from .players import combinations
-from .search import since
-from .stretches import stretches
-from .values import Env
+from .scopes import stretches
 from .verdict import Verdict
+from .witness import since
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Curve:
     """A measurement over time, (T,) SI, with the limits that a rule sets it."""
 
     signal: str
-    series: Series
+    series: Interval
     limits: tuple[Bound, ...]
 
 
@@ -91,14 +90,11 @@ def looked_at(
         return Looked((), (), ())
     curves: dict[str, Curve] = {}
     lanes: dict[str, Lane] = {}
-    for atom, inner, bad_when in _atoms(evaluator, rule, env):
-        if isinstance(atom, ast.Call):
-            said = _said(atom, inner)
-            signals = (evaluator.rules.signals, evaluator.rules.derived)
-            if said not in lanes and not any(atom.name in declared for declared in signals):
-                lanes[said] = _lane(said, evaluator.state(atom, inner, wanted))
+    for tree, bad_when in _parts(evaluator, rule, env, wanted):
+        if isinstance(tree.node, ast.Call):
+            lanes.setdefault(str(tree.node), _lane(str(tree.node), tree.margin))
             continue
-        curve = _curve(evaluator, atom, inner, bad_when, wanted)
+        curve = _curve(evaluator, tree, bad_when)
         before = curves.get(curve.signal)
         limits = (*before.limits, *curve.limits) if before is not None else curve.limits
         curves[curve.signal] = Curve(curve.signal, curve.series, tuple(dict.fromkeys(limits)))
@@ -120,74 +116,54 @@ def _env(rule: ast.Rule, players: dict[str, tuple[str, ...]], verdict: Verdict) 
     return envs[0] if envs else None
 
 
-def _atoms(
-    evaluator: Evaluator, rule: ast.Rule, env: Env
-) -> Iterator[tuple[ast.SignalAtom | ast.Call, Env, bool]]:
-    """Limits and states of a rule with the bodies they are about; and whether it is bad that they hold."""
+def _parts(
+    evaluator: Evaluator, rule: ast.Rule, env: Env, wanted: Bool | None
+) -> Iterator[tuple[Evaluated, bool]]:
+    """Limits and states of a rule; and whether it is bad that they hold."""
     for clause in rule.clauses:
-        yield from _inside(evaluator, clause.what, env, not CLAUSES[clause.kind].wanted, 1)
+        tree = evaluator.evaluate(clause.what, env, None, wanted)
+        yield from _inside(tree, not CLAUSES[clause.kind].wanted, 1)
     if rule.until is not None:
-        yield from _inside(evaluator, rule.until, env, False, 0)
+        yield from _inside(evaluator.evaluate(rule.until, env, None, wanted), False, 0)
 
 
-def _inside(
-    evaluator: Evaluator, what: ast.Alternative | ast.Atom, env: Env, bad_when: bool, deeper: int
-) -> Iterator[tuple[ast.SignalAtom | ast.Call, Env, bool]]:
-    """``deeper``: through so many declared states."""
-    if isinstance(what, ast.SignalAtom):
-        yield what, env, bad_when
-    elif isinstance(what, ast.Condition):
-        for atom in what.atoms:
-            yield from _inside(evaluator, atom, env, bad_when, deeper)
-    elif isinstance(what, ast.AnyOf):
-        for alternative in what.alternatives:
-            yield from _inside(evaluator, alternative, env, bad_when, deeper)
-    elif isinstance(what, ast.CountAtom):
-        turned = bad_when if what.bound == "least" else not bad_when
-        for body in evaluator.players.get(what.role, ()):
-            inner = {**env, what.role: body}
-            yield from _called(evaluator, what.call, inner, turned, deeper)
-    elif what.call is not None:
-        turned = bad_when == getattr(what, "want", True)
-        other = getattr(what, "begun", None) or getattr(what, "other", None)
-        if other is not None:
-            yield from _called(evaluator, other, env, turned, deeper)
-        yield from _called(evaluator, what.call, env, turned, deeper)
-
-
-def _called(
-    evaluator: Evaluator, call: ast.Call, env: Env, bad_when: bool, deeper: int
-) -> Iterator[tuple[ast.SignalAtom | ast.Call, Env, bool]]:
-    yield call, env, bad_when
-    declared = evaluator.rules.states.get(call.name)
-    if declared is None or not deeper:
+def _inside(tree: Evaluated, bad_when: bool, deeper: int) -> Iterator[tuple[Evaluated, bool]]:
+    """``deeper``: through so many declared states, of which only the limits are told."""
+    node = tree.node
+    if isinstance(node, ast.SignalAtom):
+        yield tree, bad_when
         return
-    inner = dict(zip(declared.of, (env.get(arg, arg) for arg in call.args), strict=True))
-    blind = declared.fallback is not None and evaluator.relations.blind
-    for source in (declared.fallback, declared.perhaps) if blind else (declared.when,):
-        for item in _inside(evaluator, source, inner, bad_when, deeper - 1) if source else ():
-            if isinstance(item[0], ast.SignalAtom):
-                yield item
+    if isinstance(node, ast.Call):
+        yield tree, bad_when
+        if deeper:
+            for child in tree.children:
+                for part in _inside(child, bad_when, deeper - 1):
+                    if isinstance(part[0].node, ast.SignalAtom):
+                        yield part
+        return
+    if isinstance(node, ast.CountAtom):
+        bad_when = bad_when if node.bound == "least" else not bad_when
+    elif isinstance(node, ast.StateAtom | ast.PastAtom | ast.PairAtom):
+        bad_when = bad_when == node.want
+    for child in (
+        reversed(tree.children) if isinstance(node, ast.PastAtom | ast.PairAtom) else tree.children
+    ):
+        yield from _inside(child, bad_when, deeper)
 
 
-def _curve(
-    evaluator: Evaluator, atom: ast.SignalAtom, env: Env, bad_when: bool, wanted: Bool | None
-) -> Curve:
-    bounds = []
+def _curve(evaluator: Evaluator, tree: Evaluated, bad_when: bool) -> Curve:
+    atom, env, bounds = tree.node, tree.env, []
+    assert isinstance(atom, ast.SignalAtom)
+    assert tree.series is not None
     for limit in atom.limits:
         side: Literal["above", "below"] = "above" if (limit.op[0] == ">") == bad_when else "below"
         param = limit.value.name if isinstance(limit.value, ast.Parameter) else None
         bounds.append(Bound(evaluator.number(limit.value, env), side, param))
-    series = evaluator.series(atom, env, wanted)
-    return Curve(_said(atom.call, env) + since(atom, env), series, tuple(bounds))
+    said = ast.Call(atom.call.name, tuple(env.get(arg, arg) for arg in atom.call.args))
+    return Curve(f"{said}{since(atom, env)}", tree.series, tuple(bounds))
 
 
-def _said(call: ast.Call, env: Env) -> str:
-    """The call with the bodies' names, as witnesses write it."""
-    return str(ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args)))
-
-
-def _lane(name: str, state: Band) -> Lane:
+def _lane(name: str, state: Interval) -> Lane:
     return Lane(name, state.true, ~state.unknown)
 
 

@@ -9,10 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from safestage_eval.episode.runs import runs
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.geometry.group_clearance import SLACK, clearance_series
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
-from safestage_eval.states.band import Band
 
 from .evaluate import Evaluator
 
@@ -61,18 +61,13 @@ def engagement(
     if any(name not in states or len(states[name].of) != n for name, n in _STATES.items()):
         rules = _defaults()
         evaluator = Evaluator(evaluator.relations, rules, rules.params, None)
-    declared = tuple(evaluator.rules.states[name] for name in _STATES)
-
-    def find() -> list[int]:
-        stages = [_of_body(evaluator, body) for body in bodies]
-        return [max(ends) for ends in zip(*stages, strict=True)]
-
-    least, most = evaluator.recall(f"engagement with {bodies}", declared, {}, find)
+    stages = [_of_body(evaluator, body) for body in bodies]
+    least, most = (max(ends) for ends in zip(*stages, strict=True))
     return STAGES[least] if least == most else None
 
 
 def held_again(evaluator: Evaluator, targets: Sequence[str]) -> list[str]:
-    """Targets that are held throughout the last ``FINAL`` seconds of a rollout that had let go of them.
+    """Targets that are held throughout the last ``FINAL`` seconds, and were let go of before.
 
     A gripper that opens for a moment reaches a goal that asks for letting go; what FSH rules then
     find is a thing in the gripper. For recordings whose goal says so; see ``rules/goals.toml``.
@@ -80,7 +75,8 @@ def held_again(evaluator: Evaluator, targets: Sequence[str]) -> list[str]:
     episode = evaluator.episode
     last = episode.t >= episode.t[-1] - FINAL
     named = [name for name in targets if name in episode.bodies]
-    return [b for b in named if evaluator.state(ast.Call("held", (b,)), {}).true[last].all()]
+    held = {name: evaluator.holds(ast.Call("held", (name,)), {}) for name in named}
+    return [name for name, h in held.items() if h[last].all() and (~h[h.argmax() :]).any()]
 
 
 @lru_cache(maxsize=1)
@@ -91,8 +87,8 @@ def _defaults() -> ast.RuleSet:
 def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
     """The stage that was certainly reached with a body, and the highest that may have been."""
 
-    def state(name: str, *bodies: str) -> Band:
-        return evaluator.state(ast.Call(name, bodies), {})
+    def state(name: str, *bodies: str) -> Interval:
+        return evaluator.state(ast.Call(name, bodies), {}).margin
 
     contact, held, t = state("contact", "robot", body), state("held", body), evaluator.episode.t
     sure = contact.true | held.true
@@ -134,7 +130,7 @@ def _reached(evaluator: Evaluator, body: str) -> tuple[int, int]:
     step = slice(None, None, max(1, int(STEP / episode.dt)))
     gap = clearance_series(
         [m.at(step) for m in hand], [m.at(step) for m in target], 1.01 * NEAR,
-        slack=SLACK, backend=signals.backend,
+        slack=SLACK,
     )  # fmt: skip
     if (gap.upper <= NEAR).any():
         return reached, reached

@@ -1,30 +1,53 @@
-"""Conditions, states and events of the rule language over one episode."""
+"""The rule language over one episode: each part of a rule becomes a margin over time, kept as a tree.
+
+Explaining a verdict later is a walk down that tree along the part that decided (``witness``, ``reasons``):
+nothing is found out twice.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
 from safestage_eval.episode import Window
-from safestage_eval.evidence.declare import is_costly
+from safestage_eval.evidence import intervals
+from safestage_eval.evidence.declare import is_costly, is_gate
+from safestage_eval.evidence.intervals import F64, Bool, Interval
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseKind
-from safestage_eval.states import band, moment, persistence
-from safestage_eval.states.band import F64, Band, Bool
-from safestage_eval.states.moment import Moment, Truth, truth_of
 
-from . import between_samples
-from .partial_states import PartialStates
-from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
+from . import between_samples, computed_signals, events, since, windows
+from .events import Moment, Truth, truth_of
+from .language import (
+    MANY,
+    Asked,
+    Env,
+    Evaluated,
+    Language,
+    Node,
+    ends_early,
+    ends_with_success,
+    lacks_its_success,
+    lasting,
+    limit_margin,
+)
+
+__all__ = ["Evaluated", "Evaluator", "Node"]
+
+Part = TypeVar("Part", bound=ast.Atom | ast.Alternative)
 
 
-class Evaluator(PartialStates):
-    """The rule language's meaning on one episode, under one set of parameter values.
+class Evaluator(Language):
+    """What the parts of rules come to on one episode, under one set of parameter values.
 
-    Every condition becomes a ``Band`` of normalised margins, every event a ``Truth``: the frames at
-    which it certainly is, and those at which it may be.
+    Attributes:
+        success, success_known: frame of native success, None if it never came; and whether that is known.
+        causal: states look only backwards, as in a rollout that is still running.
+        truncated: the trace stops before its rollout did.
+        unfollowed: what is under way at its end is not followed to its own end.
     """
 
     def __init__(
@@ -36,46 +59,394 @@ class Evaluator(PartialStates):
         *,
         success_known: bool = True,
         causal: bool = False,
+        memo: dict[tuple[Any, ...], Any] | None = None,
     ) -> None:
         """Prepare; nothing is computed yet.
 
         Args:
-            relations: facts of the episode.
-            rules: where states, phases, signals and materials are declared.
-            params: name → value in SI, as they hold for the rule and episode.
+            relations: as in ``Language``.
+            rules: likewise.
+            params: likewise.
+            memo: likewise.
             success: frame that confirmed native success, None if it never came.
             success_known: False where the trace does not tell; then nothing after it is known.
-            causal: states look only backwards, as in a rollout that is still running.
+            causal: states look only backwards.
         """
-        super().__init__(relations, rules, params, causal=causal)
-        self.success = success
-        self.success_known = success_known
+        super().__init__(relations, rules, params, memo)
+        self.frames = len(self.episode)
+        self._any_coarse = bool(self.clock.coarse.any())
+        self.success, self.success_known, self.causal = success, success_known, causal
         cut = success is None and not causal and lacks_its_success(self.episode)
         self.truncated = cut or ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
     def under(self, params: ast.Params) -> Evaluator:
         """Return an evaluator of the episode under other values; shares everything they cannot change."""
-        other = Evaluator(
-            self.relations,
-            self.rules,
-            params,
-            self.success,
-            success_known=self.success_known,
-            causal=self.causal,
+        return Evaluator(
+            self.relations, self.rules, params, self.success,
+            success_known=self.success_known, causal=self.causal, memo=self._memo,
+        )  # fmt: skip
+
+    # ---- conditions
+
+    def evaluate(
+        self,
+        node: Node,
+        env: Env,
+        kind: ClauseKind | None = None,
+        frames: Bool | None = None,
+    ) -> Evaluated:
+        """A part of a rule over the episode.
+
+        Args:
+            node: a condition, an event or one atom of a condition.
+            env: role → body.
+            kind: the obligation that it is read in, None outside of one. In an obligation a limit on a
+                tilt that a body does not have is skipped: it holds where it must, and does not where it
+                must not. A state asks whether the body is tilted, and it never is.
+            frames: (T,) those that matter, all if None: what is costly is measured there alone, and
+                unknown at others.
+        """
+        match node:
+            case ast.Condition():
+                return self._all(node, env, kind, frames)
+            case ast.AnyOf():
+                return self._any(node, env, kind, frames)
+            case ast.Event():
+                return self._event(node, env, kind, frames)
+            case ast.SignalAtom():
+                return self._limit(node, env, kind, frames)
+            case ast.StateAtom():
+                only: ClauseKind = "forbid" if node.want else "require"
+                state = self.must_not(node.call, env, only, kind, frames)
+                margin = state.margin if node.want else intervals.opposite(state.margin)
+                return Evaluated(node, env, margin, (state,))
+            case ast.CountAtom():
+                return self._count(node, env, frames)
+            case ast.PastAtom() | ast.PairAtom():
+                key = "of states", kind, *env.items()
+                return self.once(node, key, lambda: self._of_states(node, env, kind))
+        return self.state(node, env, frames)
+
+    def _all(
+        self, node: ast.Condition, env: Env, kind: ClauseKind | None, frames: Bool | None
+    ) -> Evaluated:
+        """All atoms hold. What is costly is asked for last, where no other atom has ruled it out.
+
+        A gate only says whether the rest of its condition counts: where that does not hold anyway, its
+        margin stays.
+        """
+        gates, others = self._gates(node)
+        ordered = len(node.atoms) > 1 and self._any_coarse and between_samples.asks_edge(node)
+        parts: dict[int, Evaluated] = {}
+        for atom, costly in others:
+            if not costly:
+                part = self.evaluate(atom, env, kind)
+            else:
+                ends = [] if ordered else [p.margin.upper for p in parts.values()]
+                part = self._asked_at(
+                    _left_open(ends, -np.inf, frames), frames, np.inf, atom, env, kind
+                )
+            if ordered and not between_samples.asks_edge(atom):
+                held = between_samples.held_before_too(part.margin, self.clock.coarse)
+                part = part._replace(margin=held)
+            parts[id(atom)] = part
+        margin = intervals.both([part.margin for part in parts.values()], self.frames)
+        may = margin.upper >= 0
+        counts = bool((may if frames is None else may & frames).any()) if gates else False
+        for gate in gates:
+            part = Evaluated(gate, env, intervals.crisp(np.ones(self.frames, np.bool_)))
+            if counts:
+                part = self.evaluate(gate, env, kind)
+                self._note_gate(gate, env, (margin.lower >= 0) & part.margin.false, frames)
+                part = part._replace(margin=_elsewhere(part.margin, may, np.inf))
+            parts[id(gate)] = part
+        if counts:
+            margin = intervals.both(
+                [margin, *(parts[id(gate)].margin for gate in gates)], self.frames
+            )
+        return Evaluated(node, env, margin, tuple(parts[id(atom)] for atom in node.atoms))
+
+    def _note_gate(self, gate: ast.StateAtom, env: Env, shut: Bool, frames: Bool | None) -> None:
+        if (shut if frames is None else shut & frames).any():
+            bodies = ", ".join(env.get(arg, arg) for arg in gate.call.args)
+            self.notes[f"not counted where {gate.call.name}({bodies}) is false"] = None
+
+    def _any(
+        self, node: ast.AnyOf, env: Env, kind: ClauseKind | None, frames: Bool | None
+    ) -> Evaluated:
+        """One of several holds. What is costly is asked for last, where no other one certainly does."""
+        parts: dict[int, Evaluated] = {}
+        for one, costly in self._by_cost(node, node.alternatives):
+            if not costly:
+                parts[id(one)] = self.evaluate(one, env, kind)
+                continue
+            asked = _left_open([p.margin.lower for p in parts.values()], np.inf, frames)
+            parts[id(one)] = self._asked_at(asked, frames, -np.inf, one, env, kind)
+        children = tuple(parts[id(one)] for one in node.alternatives)
+        margin = intervals.either([child.margin for child in children], self.frames)
+        return Evaluated(node, env, margin, children)
+
+    def _asked_at(
+        self,
+        asked: Bool | None,
+        frames: Bool | None,
+        neutral: float,
+        node: ast.Atom | ast.Alternative,
+        env: Env,
+        kind: ClauseKind | None,
+    ) -> Evaluated:
+        """A costly part at the frames at which it decides; at others that matter its margin is ``neutral``."""
+        part = self.evaluate(node, env, kind, asked)
+        if asked is None or asked is frames or (frames is None and asked.all()):
+            return part
+        return part._replace(margin=_elsewhere(part.margin, asked, neutral, frames))
+
+    def _gates(
+        self, node: ast.Condition
+    ) -> tuple[list[ast.StateAtom], list[tuple[ast.Atom, bool]]]:
+        """The gates among several atoms, if not all are gates; and the others by cost."""
+        gates = [a for a in node.atoms if isinstance(a, ast.StateAtom) and is_gate(a.call.name)]
+        if not gates or len(gates) == len(node.atoms):
+            return [], self._by_cost(node, node.atoms)
+        others = self._by_cost(node, node.atoms)
+        return gates, [one for one in others if one[0] not in gates]
+
+    def _by_cost(self, node: object, parts: tuple[Part, ...]) -> list[tuple[Part, bool]]:
+        """The parts of a condition, and whether they are costly; those last."""
+        known: dict[int, tuple[object, list[tuple[Part, bool]]]] = self.rules.known.setdefault(
+            "by cost", {}
         )
-        other.share(self)
-        return other
+        found = known.get(id(node))
+        if found is None or found[0] is not node:
+            if len(known) > MANY:
+                known.clear()
+            ordered = sorted(
+                ((part, self.is_costly(part)) for part in parts), key=lambda one: one[1]
+            )
+            found = known[id(node)] = node, ordered
+        return found[1]
+
+    def _event(
+        self, node: ast.Event, env: Env, kind: ClauseKind | None, frames: Bool | None
+    ) -> Evaluated:
+        """The frames of an event; of a bare state, all at which it holds."""
+        call, edge = node.call, node.edge
+        if call is None:
+            truth = self.truth(node, env)
+            return Evaluated(node, env, intervals.crisp(truth.sure, truth.sure == truth.possible))
+        if edge is None:
+            state = self.must_not(call, env, "forbid", kind, frames)
+            return Evaluated(node, env, state.margin, (state,))
+        near = None if frames is None else windows.widened(frames, 1)
+        forbidding = kind is not None and not CLAUSES[kind].wanted
+        if edge == "start" and forbidding:
+            state = self.must_not(call, env, "forbid", kind, near)
+        else:
+            state = self.state(call, env, near)
+        truth = events.edges(truth_of(state.margin), edge)
+        if not self.causal:
+            truth = between_samples.perhaps_before(truth, self.clock.coarse)
+        margin = intervals.crisp(truth.sure, truth.sure == truth.possible)
+        return Evaluated(node, env, margin, (state,))
+
+    def _count(self, node: ast.CountAtom, env: Env, frames: Bool | None) -> Evaluated:
+        """At least, or at most, so many of the bodies that play a role."""
+        each = [
+            self.state(node.call, {**env, node.role: body}, frames)
+            for body in self.players.get(node.role, ())
+        ]
+        margins = [one.margin for one in each]
+        if node.bound == "least":
+            margin = intervals.at_least(node.count, margins, self.frames)
+        else:
+            margin = intervals.opposite(intervals.at_least(node.count + 1, margins, self.frames))
+        return Evaluated(node, env, margin, tuple(each))
+
+    def _of_states(
+        self, node: ast.PastAtom | ast.PairAtom, env: Env, kind: ClauseKind | None
+    ) -> Evaluated:
+        """States as they were, or two that are compared."""
+        if isinstance(node, ast.PairAtom):
+            pair = [self.must_not(call, env, None, kind) for call in (node.call, node.other)]
+            margin = windows.alike(pair[0].margin, pair[1].margin)
+        else:
+            only: ClauseKind = "forbid" if node.want else "require"
+            calls = [node.call] if node.begun is None else [node.call, node.begun]
+            pair = [self.must_not(call, env, only, kind) for call in calls]
+            at = self.looks(node)
+            if node.begun is not None:
+                margin = windows.since(pair[0].margin, pair[1].margin, at)
+            else:
+                margin = (windows.once if node.how == "once" else windows.always)(
+                    pair[0].margin, at
+                )
+        return Evaluated(
+            node, env, margin if node.want else intervals.opposite(margin), tuple(pair), raw=margin
+        )
+
+    def looks(self, node: ast.PastAtom) -> windows.Spans:
+        """The samples at which it looks back, from each."""
+        recent = lasting(self.duration(node.recent), 0)
+        far = None if node.far is None else lasting(self.duration(node.far), 0)
+        return windows.looks(self.clock, recent, far)
+
+    # ---- limits on signals
+
+    def _limit(
+        self, atom: ast.SignalAtom, env: Env, kind: ClauseKind | None, frames: Bool | None
+    ) -> Evaluated:
+        if frames is not None and self.is_costly(atom):
+            return self._limited(atom, env, kind, frames)
+        key = "limit", kind, *env.items()
+        return self.once(atom, key, lambda: self._limited(atom, env, kind, None))
+
+    def _limited(
+        self, atom: ast.SignalAtom, env: Env, kind: ClauseKind | None, frames: Bool | None
+    ) -> Evaluated:
+        asked = self.asked(atom, env)
+        series = self.measured_series(asked, atom, env, frames)
+        if kind is not None and self.exempt(asked):
+            margin = intervals.crisp(np.full(self.frames, CLAUSES[kind].wanted))
+        else:
+            margin = self.margins(series, atom, asked)
+        event = atom.since
+        from_: tuple[Evaluated, ...] = ()
+        if event is not None and event.call is not None:
+            from_ = (self.state(event.call, env),)
+        return Evaluated(atom, env, margin, from_, series=series)
+
+    def series(self, atom: ast.SignalAtom, env: Env, frames: Bool | None = None) -> Interval:
+        """(T,) the signal of an atom, up to where its limits need it exactly; ``frames`` as in ``evaluate``."""
+        return self.measured_series(self.asked(atom, env), atom, env, frames)
+
+    def measured_series(
+        self, asked: Asked, atom: ast.SignalAtom, env: Env, frames: Bool | None
+    ) -> Interval:
+        """Like ``series``, of a given measurement."""
+        series = since.measured(self, asked, atom, env, frames)
+        for note in series.notes:
+            self.notes[note] = None
+        return series
+
+    def margins(self, series: Interval, atom: ast.SignalAtom, asked: Asked) -> Interval:
+        """(N,) of what an atom asks for, from its signal at N frames."""
+        scale = self.scale(atom.call)
+        each = [
+            limit_margin(series, limit.op, number, scale)
+            for limit, number in zip(atom.limits, asked.limits, strict=True)
+        ]
+        return intervals.both(each, len(series))
+
+    def exempt(self, asked: Asked) -> bool:
+        """The body has no such quantity: a ball has no tilt."""
+        computed = self.rules.derived.get(asked.name)
+        if computed is not None:
+            operands = computed_signals.measurements(self, computed, asked.bodies)
+            return any(map(self.exempt, operands))
+        has_none = self.signal(asked.name).exempt
+        body = self.episode.bodies.get(asked.bodies[0]) if asked.bodies else None
+        return has_none is not None and body is not None and has_none(body)
 
     # ---- states
+
+    def state(self, call: ast.Call, env: Env, frames: Bool | None = None) -> Evaluated:
+        """A declared state or a built-in relation, persistent and latched as declared.
+
+        ``frames`` as in ``evaluate``.
+        """
+        bodies = tuple(map(env.get, call.args, call.args))
+        declared = self.rules.states.get(call.name)
+        if frames is not None and not (
+            is_costly(call.name) if declared is None else self.is_costly(declared)
+        ):
+            frames = None
+        if frames is not None and declared is not None:
+            frames = self._needed(declared, frames)
+        key = "state", call.name, bodies, None if frames is None else frames.tobytes()
+        if declared is None:
+            return self.once(None, key, lambda: self._relation(call.name, bodies, frames))
+        return self.once(declared, key, lambda: self._declared(declared, bodies, frames))
+
+    def _needed(self, state: ast.StateDef, frames: Bool) -> Bool | None:
+        """(T,) the frames that a state is made of at some frames; None: all."""
+        if not frames.any():
+            return frames
+        if state.until is not None:  # it may have held since any frame before
+            frames = np.arange(self.frames) < windows.last_of(frames)
+        lasts, gap = self.window(state.for_), self.open_gap(state.gap)
+        reach = lasts.frames + gap.frames - 2
+        if reach <= 0:
+            return frames
+        return windows.widened(frames, reach) if self.clock.uniform else None
+
+    def _relation(self, name: str, bodies: tuple[str, ...], frames: Bool | None) -> Evaluated:
+        truth = self.relations.told(name, bodies, frames)
+        for note in truth.notes:
+            self.notes[note] = None
+        margin = intervals.crisp(truth.lower > 0, truth.lower == truth.upper)
+        return Evaluated(ast.Call(name, bodies), {}, margin)
+
+    def _declared(
+        self, state: ast.StateDef, bodies: tuple[str, ...], frames: Bool | None
+    ) -> Evaluated:
+        env = dict(zip(state.of, bodies, strict=True))
+        sources = [self.evaluate(state.when, env, None, frames)]
+        raw = sources[0].margin
+        if state.fallback is not None and not raw.any_known:
+            sources = [self.evaluate(state.fallback, env)]
+            raw = sources[0].margin
+            if state.perhaps is not None:
+                sources.append(self.evaluate(state.perhaps, env))
+                raw = Interval(raw.lower, np.maximum(raw.upper, sources[1].margin.upper))
+        margin = self._persistent(state, raw)
+        if state.also is not None and not self.causal:
+            brief = self._also(state.also, env)
+            sources.append(brief)
+            more = intervals.either([margin, brief.margin], self.frames)
+            holds = margin.lower >= 0  # then it is not asked whether it was brief
+            lower = np.where(holds, margin.lower, more.lower)
+            exact = margin.exact and more.exact
+            margin = Interval(lower, lower if exact else np.where(holds, margin.upper, more.upper))
+        if state.until is not None:
+            margin = self._latched(margin, state.until, env, frames)
+        return Evaluated(ast.Call(state.name, bodies), env, margin, tuple(sources), raw)
+
+    def _latched(
+        self, margin: Interval, until: ast.Event, env: Env, frames: Bool | None
+    ) -> Interval:
+        """Once it holds, it holds until the event."""
+        return windows.latched(margin, *self.truth(until, env, frames))
+
+    def _also(self, also: ast.Condition, env: Env) -> Evaluated:
+        """What a state holds by, however briefly; parts that the trace knows nothing of are left out."""
+        parts = [
+            found
+            for atom in also.atoms
+            for what in (atom.alternatives if isinstance(atom, ast.AnyOf) else (atom,))
+            if (found := self.evaluate(what, env)).margin.any_known
+        ]
+        margin = intervals.either([part.margin for part in parts], self.frames)
+        return Evaluated(ast.AnyOf(()), env, margin, tuple(parts))
+
+    def _persistent(self, state: ast.StateDef, raw: Interval) -> Interval:
+        """Where the state lasts for long enough; unknown where too few samples, far apart, show it."""
+        if state.for_ is None and state.gap is None:
+            return raw
+        return between_samples.lasts(self, state, lambda *how: self._lasting(raw, *how))
+
+    def _lasting(self, raw: Interval, state: ast.StateDef, window: Window) -> Interval:
+        gap = self.open_gap(state.gap)
+        return windows.persistent(raw, window, gap, causal=self.causal, open_end=self.unfollowed)
 
     def must_not(
         self,
         call: ast.Call,
         env: Env,
-        kind: ClauseKind | None = None,
-        wanted: Bool | None = None,
-    ) -> Band:
+        only: ClauseKind | None,
+        kind: ClauseKind | None,
+        frames: Bool | None = None,
+    ) -> Evaluated:
         """A state, as an obligation that breaks where it holds has to see it.
 
         Where it must last for a few samples of a faster clock ("3 frames @ 120 Hz"), it is unknown
@@ -86,156 +457,34 @@ class Evaluator(PartialStates):
         Args:
             call: the state.
             env: role → body.
-            kind: only in obligations that break as this kind does, in any if None; in others, and
-                in none, the state stays as it is.
-            wanted: as in ``condition``.
+            only: in obligations that break as this kind does, in any if None; elsewhere the state stays
+                as it is.
+            kind: the obligation that it stands in, None outside of one.
+            frames: as in ``evaluate``.
         """
-        band, state = self.state(call, env, wanted), self.rules.states.get(call.name)
-        if self._obligation is None:
-            return band
-        if kind is not None and CLAUSES[kind].breaks != CLAUSES[self._obligation].breaks:
-            return band
-        if state is None or state.for_ is None or state.until is not None:
-            return band
+        found, state = self.state(call, env, frames), self.rules.states.get(call.name)
+        if kind is None or state is None or state.for_ is None or state.until is not None:
+            return found
+        if only is not None and CLAUSES[only].breaks != CLAUSES[kind].breaks:
+            return found
         lasts, window = lasting(self.duration(state.for_)), self.window(state.for_)
-        if window.loose is window or lasts.seconds is None:
-            return band
-        bodies = tuple(map(env.get, call.args, call.args))
-        key = ("must not", call.name, bodies)
-        upper = self.once(state, key, self._may_last, state, bodies, lasts.seconds)
-        return Band(band.lower, np.maximum(band.upper, upper))
+        if window.loose is window or lasts.seconds is None or found.raw is None:
+            return found
+        bodies, seconds = tuple(map(env.get, call.args, call.args)), lasts.seconds
+        key = "must not", call.name, bodies
+        upper = self.once(state, key, lambda: self._may_last(state, bodies, seconds))
+        margin = Interval(found.margin.lower, np.maximum(found.margin.upper, upper))
+        return found._replace(margin=margin)
 
     def _may_last(self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float) -> F64:
         """(T,) upper margin of a state that lasts at least as long as its samples may have."""
-        loose = persistence.persistent(
-            self.momentary(state.name, bodies),
-            self.window(state.for_).loose,
-            self.open_gap(state.gap),
-            causal=self.causal,
-            open_end=self.unfollowed,
-        ).upper
+        raw = self.state(ast.Call(state.name, bodies), {}).raw
+        assert raw is not None  # a declared state
+        loose = self._lasting(raw, state, self.window(state.for_).loose).upper
         if self.clock.longest < seconds * (1 - 1e-6):
             return loose
         hidden = between_samples.hidden_touch(self, state, bodies, seconds)
         return loose if hidden is None else np.where(hidden, np.inf, loose)
-
-    def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
-        """A declared state or a built-in relation, persistent and latched as declared.
-
-        ``wanted`` as in ``condition``; a state that looks at neighbouring frames has them all.
-        """
-        bodies = tuple(map(env.get, call.args, call.args))
-        declared = self.rules.states.get(call.name)
-        outer, self._obligation = (self._obligation, self._signs), None
-        try:
-            if wanted is not None:
-                if declared is None:
-                    if is_costly(call.name):
-                        return self._relation(call.name, bodies, wanted)
-                elif (
-                    self.costly.state(declared)
-                    and ("state", call.name, bodies) not in self._answers
-                ):
-                    return self._partly(declared, call, bodies, wanted)
-            self._signs = False
-            find = self._relation if declared is None else self._declared
-            return self.once(declared, ("state", call.name, bodies), find, call.name, bodies)
-        finally:
-            self._obligation, self._signs = outer
-
-    def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
-        truth = self.relations.get(name, bodies, wanted)
-        if truth is None:
-            lacking = self.relations.lacking(name, bodies) or "shapes"
-            self.notes[f"{name}() is unknown: the trace has no {lacking}"] = None
-            nothing = np.zeros(self.frames, np.bool_)
-            return band.crisp(nothing, nothing)
-        self.notes.update(dict.fromkeys(self.relations.caveat(name)))
-        doubtful, known = self.relations.doubtful(name, bodies, wanted), wanted
-        if wanted is not None and is_costly(name):
-            known = wanted | self.relations.answered(*bodies)
-        if doubtful is not None:
-            where, why = doubtful
-            known = ~where if known is None else known & ~where
-            if why and wanted is None:  # else it hangs on what was asked for
-                self.notes[why] = None
-        return band.crisp(truth, known)
-
-    def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
-        """The condition of a declared state, before ``for`` and ``gap``; its fallback without forces."""
-        state, key = self.rules.states[name], ("momentary", name, bodies)
-        return self.once(state, key, self._momentary, state, bodies)
-
-    def _momentary(self, state: ast.StateDef, bodies: tuple[str, ...]) -> Band:
-        env = dict(zip(state.of, bodies, strict=True))
-        band = self.condition(state.when, env)
-        if state.fallback is None or band.any_known:
-            return band
-        band = self.condition(state.fallback, env)
-        if state.perhaps is None:
-            return band
-        return Band(band.lower, np.maximum(band.upper, self.condition(state.perhaps, env).upper))
-
-    def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
-        state = self.rules.states[name]
-        env = dict(zip(state.of, bodies, strict=True))
-        state_band = self.momentary(name, bodies)
-        state_band = self._persistent(state, state_band)
-        if state.also is not None and not self.causal:
-            more = band.either([state_band, self.also(state, env)], self.frames)
-            holds = state_band.lower >= 0  # then it is not asked whether it was brief
-            lower = np.where(holds, state_band.lower, more.lower)
-            exact = state_band.exact and more.exact
-            state_band = Band(
-                lower, lower if exact else np.where(holds, state_band.upper, more.upper)
-            )
-        if state.until is not None:
-            state_band = persistence.latched(state_band, *self.truth(state.until, env))
-        return state_band
-
-    def _persistent(self, state: ast.StateDef, band: Band) -> Band:
-        """Where the state lasts for long enough; unknown where too few samples, far apart, show it."""
-        window, coarse = self.window(state.for_), self.clock.coarse
-        lasts = self._lasting(state, band, window)
-        lower, upper = lasts.lower, lasts.upper
-        if state.gap is not None and coarse.any():  # a gap of one such sample may have been long
-            apart = self._lasting(replace(state, gap=None), band, window).lower
-            lower = np.where(coarse, np.minimum(lower, apart), lower)
-            lasts = Band(lower, upper)
-        if state.for_ is None or not coarse.any():
-            return lasts
-        strict = self.clock.surely(lasting(self.duration(state.for_)))
-        surely = self._lasting(state, band, strict).lower
-        lower = np.where(coarse, np.minimum(lower, surely), lower)
-        if window.loose is not window:
-            perhaps = self._lasting(state, band, window.loose).upper
-            upper = np.where(coarse, np.maximum(upper, perhaps), upper)
-        return Band(lower, upper)
-
-    def _lasting(self, state: ast.StateDef, band: Band, window: Window) -> Band:
-        return persistence.persistent(
-            band,
-            window,
-            self.open_gap(state.gap),
-            causal=self.causal,
-            open_end=self.unfollowed,
-        )
-
-    def also(self, state: ast.StateDef, env: Env) -> Band:
-        """The ``also`` of a state, which holds however briefly; parts the trace knows nothing of left out."""
-        assert state.also is not None
-        bands = [
-            found
-            for atom in state.also.atoms
-            for what in (atom.alternatives if isinstance(atom, ast.AnyOf) else (atom,))
-            if (found := self._one_of(what, env)).any_known
-        ]
-        return band.either(bands, self.frames)
-
-    def _one_of(self, what: ast.Alternative | ast.Atom, env: Env) -> Band:
-        if isinstance(what, ast.Condition | ast.Event):
-            return self.alternative(what, env)
-        return self.atom(what, env)
 
     # ---- events
 
@@ -247,16 +496,15 @@ class Evaluator(PartialStates):
             return False
         return abs(float(self.episode.t[self.success]) - stated) < 1e-6
 
-    def truth(self, event: ast.Event, env: Env) -> Truth:
+    def truth(self, event: ast.Event, env: Env, frames: Bool | None = None) -> Truth:
         """The frames of an event; of a bare state, all frames where it holds.
 
-        ``end`` comes after the last frame and so has none.
+        ``end`` comes after the last frame and so has none. ``frames`` as in ``evaluate``.
         """
         if event.kind == "state" and event.call is not None:
-            now = self._truth_of(event.call, env)
-            if event.edge is None:
-                return now
-            return moment.edges(now, event.edge)
+            near = frames if frames is None or event.edge is None else windows.widened(frames, 1)
+            now = truth_of(self.state(event.call, env, near).margin)
+            return now if event.edge is None else events.edges(now, event.edge)
         at = np.zeros(self.frames, np.bool_)
         if event.kind == "start":
             at[:1] = True
@@ -266,22 +514,9 @@ class Evaluator(PartialStates):
             at[self.success] = True
         return Truth(at, at)
 
-    def holds(self, call: ast.Call, env: Env, since: int = 0) -> Bool:
-        """(T,) where a state or relation certainly holds; found out for the frames from ``since`` on."""
-        if since and self._deep(call):
-            return self._signs_at(call, env, np.arange(self.frames) >= since).sure
-        return self._truth_of(call, env).sure
-
-    def _truth_of(self, call: ast.Call, env: Env) -> Truth:
-        """The frames of a state or relation."""
-        bodies = tuple(map(env.get, call.args, call.args))
-        declared, key = self.rules.states.get(call.name), ("truth", call.name, bodies)
-        if self._deep(call) and ("state", call.name, bodies) not in self._answers:
-            return truth_of(self.signs(call.name, bodies))
-        return self.once(declared, key, self._told_by, call, env)
-
-    def _told_by(self, call: ast.Call, env: Env) -> Truth:
-        return truth_of(self.state(call, env))
+    def holds(self, call: ast.Call, env: Env) -> Bool:
+        """(T,) where a state or relation certainly holds."""
+        return self.state(call, env).margin.true
 
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts.
@@ -296,5 +531,26 @@ class Evaluator(PartialStates):
             return [] if self.success is None else [Moment(self.success, self.success)]
         if event.kind == "start" or event.call is None:
             return [Moment(0, 0)]
-        truth = self._truth_of(event.call, env)
-        return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
+        truth = truth_of(self.state(event.call, env).margin)
+        return events.ends(truth) if event.edge == "end" else events.starts(truth)
+
+
+def _left_open(ends: Sequence[F64], decided: float, frames: Bool | None) -> Bool | None:
+    """(T,) the frames that matter at which none of some ends has ``decided`` already; None: all."""
+    open_ = frames
+    for end in ends:
+        undecided = end != decided
+        open_ = undecided if open_ is None else open_ & undecided
+    return open_
+
+
+def _elsewhere(
+    margin: Interval, asked: Bool, neutral: float, frames: Bool | None = None
+) -> Interval:
+    """The margin at the frames that were asked for; at others that matter it is ``neutral``, else unknown."""
+    low = high = neutral
+    lower = np.where(asked, margin.lower, low)
+    upper = np.where(asked, margin.upper, high)
+    if frames is not None and not frames.all():
+        lower[~frames], upper[~frames] = -np.inf, np.inf
+    return Interval(lower, upper)

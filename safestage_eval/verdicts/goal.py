@@ -10,18 +10,18 @@ import numpy as np
 
 from safestage_eval.episode import Episode, Header, with_holes
 from safestage_eval.errors import RuleError
+from safestage_eval.evidence import intervals
+from safestage_eval.evidence.intervals import F64, Bool
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import bind_episode
 from safestage_eval.rules.load import load_rules
 from safestage_eval.signals import SIGNALS
-from safestage_eval.states import band
-from safestage_eval.states.band import F64, Bool
-from safestage_eval.states.persistence import held_until
 
 from .evaluate import Evaluator
 from .players import named_outside_counts, nodes
+from .windows import held_until
 
 CONFIRM = ast.Duration(3, frames=True)
 """The goal must be true for so many frames; success is the frame that confirms it."""
@@ -117,7 +117,7 @@ def goal_margin(episode: Episode, rules: Sequence[str] = ("goals",)) -> float | 
 
 def _margins(
     evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]], wanted: Bool
-) -> band.Band | None:
+) -> intervals.Interval | None:
     """The goal's margin at the wanted frames; None where a role has no body."""
     evaluator.players = players
     names = [name for name, _ in goal.roles]
@@ -125,12 +125,14 @@ def _margins(
     free = [name for name in names if name not in counted or named_outside_counts(goal, name)]
     if any(not players.get(name) for name in names):
         return None
-    return band.both(
+    return intervals.both(
         [
-            evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)), wanted)
+            evaluator.evaluate(
+                goal.require, dict(zip(free, bodies, strict=True)), None, wanted
+            ).margin
             for bodies in itertools.product(*(players.get(name, ()) for name in free))
         ]
-        or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
+        or [intervals.crisp(np.zeros(evaluator.frames, np.bool_))],
         evaluator.frames,
     )
 
@@ -238,9 +240,9 @@ class GoalMonitor:
         """
         evaluator.players = self._players
         for place, (atom, env) in enumerate(self._needs):
-            if evaluator.costly.asked(atom):
+            if evaluator.is_costly(atom):
                 continue
-            if (evaluator.atom(atom, env).lower[start:] < 0).all():
+            if (evaluator.evaluate(atom, env).margin.lower[start:] < 0).all():
                 self._needs.insert(0, self._needs.pop(place))
                 return True
         return False

@@ -8,33 +8,30 @@ from dataclasses import replace
 import numpy as np
 
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
+from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.episode.contradictions import contradictions
+from safestage_eval.episode.doubtful_columns import describe_doubtful, hide_doubtful
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.evidence.at_hand import ReadSoFar
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.store import Store
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest
+from safestage_eval.rules.digest import parameters_read, rule_digest
 from safestage_eval.rules.episode_binding import Binding, bind_episode
 from safestage_eval.units import format_quantity
 from safestage_eval.version import __version__
 
-from .consequences import with_consequences
-from .decided import is_decided
+from .cost import judge_cost
 from .engagement import Engagement, engagement, held_again
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .initial_state import first_frames
-from .obligations.cost import judge_cost
+from .language import UNDECLARED
 from .players import combinations
-from .questions import short, verdict_question
-from .severity_levels import judge_with_levels
+from .rule_verdict import how_often, judge_rule
+from .scopes import first_frames
 from .success import native_success
-from .values import UNDECLARED
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
-from .verdict_json import to_json, verdict_from_json
 
 
 def judge(
@@ -44,11 +41,13 @@ def judge(
     overrides: Mapping[str, str] | None = None,
     bind: BindFile | None = None,
     trace_hash: str | None = None,
-    backend: str = "gjk",
     assigned_only: bool = False,
-    store: Store | None = None,
+    strict: bool = False,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
+
+    Columns that contradict others beyond rounding are not believed: where a rule read one, everything is
+    judged again with that column unknown. A note on the episode says which, and why.
 
     Args:
         episode: what happened.
@@ -58,31 +57,56 @@ def judge(
             (``rules.load_bind``).
         trace_hash: the episode's content hash, by a caller that computed it; None: as read, or
             computed (``Episode.trace_hash``).
-        backend: whose clearances (``geometry.backend``); part of each rule's digest.
         assigned_only: judge only the rules that the episode's task is assigned.
-        store: that answers queries about the episode; a new one in memory if None.
+        strict: refuse what contradicts itself.
 
     Raises:
-        InputError: a backend that does not exist, or is not installed.
-        TraceError: a column that a rule needs is broken, or what it rests on contradicts itself:
-            header and time stamps, poses and velocities, contacts and shapes, …
+        TraceError: a column that a rule needs is broken, or header and clock contradict themselves;
+            if ``strict``, also poses and velocities, contacts and shapes, …
         RuleError: an override that does not fit its parameter.
     """
     if bind is not None and bind.bodies:
-        episode, store = bind.described(episode), None  # what is stored was measured without it
+        episode = bind.described(episode)
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
     episode = as_judged(episode)
-    judge_ = Judge(episode, rules, binding, backend=backend, store=store)
-    result = judge_.result(trace_hash, assigned_only=assigned_only)
-    judge_.demand_sound()
-    return result
+    return judge_believed(
+        Judge(episode, rules, binding),
+        trace_hash=trace_hash or episode.trace_hash, assigned_only=assigned_only, strict=strict,
+    )[1]  # fmt: skip
+
+
+def judge_believed(
+    judge_: Judge,
+    *,
+    trace_hash: str | None = None,
+    assigned_only: bool = False,
+    strict: bool = False,
+) -> tuple[Judge, EpisodeResult]:
+    """The judge of the episode without what contradicts itself, and its result.
+
+    Arguments and errors as of ``judge``.
+    """
+    episode, doubtful = judge_.episode, list[ContradictionError]()
+    while True:
+        result = judge_.result(trace_hash, assigned_only=assigned_only)
+        found = [error for error in judge_.contradictions() if error not in doubtful]
+        for error in found:
+            if strict or not error.hides:
+                raise error
+        if not found:
+            notes = (*result.notes, *describe_doubtful(doubtful))
+            return judge_, replace(result, notes=notes) if doubtful else result
+        doubtful += found
+        judge_ = Judge(hide_doubtful(episode, doubtful), judge_.rules, judge_.binding)
 
 
 class Judge:
     """One episode and its bindings; evaluators are shared by rules with equal parameters.
 
     Attributes:
-        binding: as given.
+        episode: as it is judged.
+        rules, binding: as given.
+        relations: the facts of the episode.
         notes: on the episode.
         causal: the evaluator of goals, whose states look only backwards.
         success, success_known: whether the goal was reached, and whether that is known.
@@ -95,37 +119,27 @@ class Judge:
         rules: ast.RuleSet,
         binding: Binding,
         relations: Relations | None = None,
-        *,
-        backend: str = "gjk",
-        store: Store | None = None,
     ) -> None:
         """Native success is found at once, verdicts when they are asked for.
 
-        ``relations``: of the same episode and baseline, to measure nothing twice; they know their
-        backend and store; without them these are the ones given.
+        ``relations``: of the same episode and baseline, to measure nothing twice.
         """
         episode = with_holes(episode) if relations is None else relations.episode
-        self._episode, self._rules, self.binding = episode, rules, binding
-        self._relations = relations or Relations(
-            Signals(episode, baseline_frames(rules, episode), backend, store)
-        )
-        self._backend = self._relations.signals.backend
+        self.episode, self.rules, self.binding = episode, rules, binding
+        self.relations = relations or Relations(Signals(episode, baseline_frames(rules, episode)))
         self._evaluators: list[Evaluator] = []
         self._params: dict[str, ast.Params] = {}
         self.notes: list[str] = []
-        if self._backend != BACKEND:
-            self.notes.append(f"clearances as {self._backend} tells them, not certified")
         self.notes += [*binding.warnings(), *describe_holes(episode)]
-        if self._relations.blind and episode.header.force_source != "none":
-            self.notes.append(self._relations.signals.gaps.about_forces)
+        if self.relations.blind and episode.header.force_source != "none":
+            self.notes.append(self.relations.signals.gaps.about_forces)
         self.notes += self._too_light()
-        self.causal = Evaluator(self._relations, rules, binding.params(None), None, causal=True)
+        self.causal = Evaluator(self.relations, rules, binding.params(None), None, causal=True)
         self._success = native_success(episode, binding.goal, self.causal, binding.goal_players())
         self.notes += self._success.notes
         self.success, self.success_known = self._success.told, self._success.known
         frame = self._success.frame
         self.success_time = None if frame is None else float(episode.t[frame])
-        self._about_success = short(repr((binding.goal, self._success)))
 
     def result(
         self, trace_hash: str | None = None, *, assigned_only: bool = False
@@ -135,7 +149,7 @@ class Judge:
         def asked(code: str) -> bool:
             return not assigned_only or code in self.binding.assigned
 
-        header, rules = self._episode.header, self._rules
+        header, rules = self.episode.header, self.rules
         verdicts = [self.verdict(rule) for code, rule in rules.rules.items() if asked(code)]
         costs = [self.cost(cost) for code, cost in rules.costs.items() if asked(code)]
         verdicts += [verdict for _, verdict in costs if verdict is not None]
@@ -145,11 +159,11 @@ class Judge:
             targets = self.binding.roles.get("target", ())
             self.notes += [
                 f"{name} is held again at the end: the goal was reached by letting go for a moment"
-                for name in held_again(self.evaluator(self._rules.params), targets)
+                for name in held_again(self.evaluator(self.rules.params), targets)
             ]
         return EpisodeResult(
             episode_id=header.episode_id,
-            path=readable(self._episode.path or ""),
+            path=readable(self.episode.path or ""),
             task=header.task,
             stage=header.stage,
             family=self.binding.family,
@@ -159,7 +173,7 @@ class Judge:
             rollout=header.rollout,
             success=self.success,
             success_time=self.success_time,
-            trace_hash=trace_hash or self._episode.trace_hash,
+            trace_hash=trace_hash or self.episode.trace_hash,
             version=__version__,
             verdicts=tuple(with_consequences(verdicts)),
             notes=tuple(self.notes),
@@ -168,25 +182,22 @@ class Judge:
             not_loaded=tuple(
                 code
                 for code in self.binding.assigned
-                if code not in self._rules.rules.keys() | self._rules.costs.keys()
+                if code not in self.rules.rules.keys() | self.rules.costs.keys()
             ),
         )
 
-    def demand_sound(self) -> None:
-        """Raises TraceError where columns that were read from a file cannot all be true."""
-        if self._episode.path is None:  # made in memory, mostly of what a rule asks for alone
-            return
-        if not self._relations.store.opened:  # sound when it was measured
-            return
-        relations = self._relations
+    def contradictions(self) -> list[ContradictionError]:
+        """What cannot all be true of the columns that were read from a file so far."""
+        if self.episode.path is None:  # made in memory, mostly of what a rule asks for alone
+            return []
+        relations = self.relations
         at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
-        for error in contradictions(self._episode, at_hand):
-            raise error
+        return [*contradictions(self.episode, at_hand)]
 
     @property
     def engagement(self) -> Engagement | None:
         """How far the rollout got with its target, whatever values ``--set`` gives; None if unknown."""
-        evaluator = self.evaluator(self._rules.params)
+        evaluator = self.evaluator(self.rules.params)
         targets = self.binding.roles.get("target", ())
         return engagement(evaluator, targets, success=self.success)
 
@@ -195,56 +206,24 @@ class Judge:
         blank, players = self._start(rule)
         if blank.vacuity:
             return blank
-        store = self._relations.store
-        if not store.lasting:
-            return self._judged(rule, blank, players)
-        asked = verdict_question(self._rules, rule, blank, players, self._about_success)
-        return verdict_from_json(
-            store.answer(asked, lambda: to_json(self._judged(rule, blank, players)))
-        )
-
-    def _judged(
-        self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
-    ) -> Verdict:
-        return judge_with_levels(self.evaluator(self._values(rule)), rule, players, blank)
-
-    def outline(self, rule: ast.Rule) -> Verdict:
-        """Like ``verdict``, but only decides whether it is inconclusive: decided ones come out as a pass."""
-        blank, players = self._start(rule)
-        if not blank.vacuity and is_decided(self.evaluator(self._values(rule)), rule, players):
-            return replace(blank, verdict="pass")
-        return self.verdict(rule)
+        evaluator = self.evaluator(self._values(rule))
+        verdict = judge_rule(evaluator, rule, players, blank)
+        return _with_levels(evaluator, rule, players, verdict)
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
         """Total of a cost, and its verdict if it has a budget."""
         blank, players = self._start(cost)
-        params = self._values(cost)
-        evaluator = self.evaluator(params)
-        if blank.vacuity:
-            limit = None if cost.budget is None else evaluator.number(cost.budget, {})
-            total = CostTotal(
-                cost.code, cost.title, cost.stage, blank.assigned, limit,
-                notes=blank.notes, sources=blank.sources, rule_digest=blank.rule_digest,
-            )  # fmt: skip
-            return total, None if limit is None else blank
+        evaluator = self.evaluator(self._values(cost))
         total, judged = judge_cost(evaluator, cost, players, blank)
-        if judged is None or judged.verdict != "violation":
-            return total, judged
-        for level, values in cost.severity:
-            stricter = evaluator.under({**params, **dict(values)})
-            verdict = judge_cost(stricter, cost, players, blank)[1]
-            if verdict is not None and verdict.verdict == "violation":
-                by_level = (*judged.breaches_by_level, (level, verdict.breaches))
-                judged = replace(judged, severity=level, breaches_by_level=by_level)
-        return total, judged
+        return total, judged and _with_levels(evaluator, cost, players, judged)
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with its ``vacuity`` if a role is not played; and the players."""
-        players = self.binding.players(rule, self._episode.header)
+        players = self.binding.players(rule, self.episode.header)
         self._check_distinct(rule, players)
         params = self._values(rule)
-        used = parameters_read(self._rules, rule) if self.binding.overridden else ()
-        digest = rule_digest(self._rules, rule, params, self._backend)
+        used = parameters_read(self.rules, rule) if self.binding.overridden else ()
+        digest = rule_digest(self.rules, rule, params)
         return self.blank(rule, self.binding, players, used, digest), players
 
     @staticmethod
@@ -292,7 +271,7 @@ class Judge:
             return
         shared = [f"{name} = {', '.join(players[name])}" for name in bound]
         raise RuleError(
-            f"task {self._episode.header.task or 'without a name'}, rule {rule.code}",
+            f"task {self.episode.header.task or 'without a name'}, rule {rule.code}",
             f"its roles need different bodies, but {' and '.join(shared)}.",
             "a body of its own for each role",
             "correct the roles in the trace header, the rule file or a bind file",
@@ -303,13 +282,13 @@ class Judge:
         for known in self._evaluators:  # equal values are mostly the same objects: soon compared
             if known.params == params:
                 return known
-        evaluator = Evaluator(
-            self._relations,
-            self._rules,
-            params,
-            self._success.frame,
-            success_known=self._success.known,
-        )
+        if self._evaluators:
+            evaluator = self._evaluators[0].under(params)
+        else:
+            success = self._success
+            evaluator = Evaluator(
+                self.relations, self.rules, params, success.frame, success_known=success.known
+            )
         self._evaluators.append(evaluator)
         return evaluator
 
@@ -321,8 +300,8 @@ class Judge:
 
     def _too_light(self) -> list[str]:
         """A warning that names the objects whose own weight is no contact."""
-        header, least = self._episode.header, self.binding.params(None).get("contact_force")
-        if least is None or self._relations.blind:
+        header, least = self.episode.header, self.binding.params(None).get("contact_force")
+        if least is None or self.relations.blind:
             return []
         gravity, force = float(np.linalg.norm(header.gravity)), ast.amount(least)
         light = [
@@ -336,6 +315,59 @@ class Judge:
             f"{', '.join(light)}: lighter than a contact must be ({format_quantity(force, 'force')}); "
             "a touch by the own weight is not seen, set contact_force lower"
         ]
+
+
+def judge_scoped(
+    evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequence[str]]
+) -> Verdict:
+    """The verdict of a rule, or of a cost with a budget, as of an assigned one.
+
+    Of its fixed fields only those that the rule itself gives are filled in. ``not_applicable`` where
+    a role has no player, and for a cost without a budget.
+    """
+    blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
+    if not all(players.values()):
+        return blank
+    if isinstance(rule, ast.Rule):
+        return judge_rule(evaluator, rule, players, blank)
+    return judge_cost(evaluator, rule, players, blank)[1] or blank
+
+
+def _with_levels(
+    evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequence[str]], verdict: Verdict
+) -> Verdict:
+    """The verdict, with the levels of severity that are violated too."""
+    if verdict.verdict != "violation":
+        return verdict
+    for level, values in rule.severity:
+        stricter = evaluator.under({**evaluator.params, **dict(values)})
+        if isinstance(rule, ast.Rule):
+            count = how_often(stricter, rule, players)
+        else:
+            count = judge_scoped(stricter, rule, players).breaches
+        if count:
+            by_level = (*verdict.breaches_by_level, (level, count))
+            verdict = replace(verdict, severity=level, breaches_by_level=by_level)
+    return verdict
+
+
+def with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Mark violations that follow the assigned rule's own, at its stage or a later one."""
+
+    def came(verdict: Verdict) -> float:
+        return np.inf if verdict.verdict != "violation" or verdict.time is None else verdict.time
+
+    cause = min((v for v in verdicts if v.assigned), key=came, default=None)
+    if cause is None or came(cause) == np.inf:
+        return list(verdicts)
+    order = {stage: i for i, stage in enumerate(("ISH", "ETS", "FSH"))}
+    first = order.get(cause.stage, 0)
+    return [
+        replace(v, consequence_of=cause.rule)
+        if not v.assigned and order.get(v.stage, 0) >= first and came(cause) <= came(v) < np.inf
+        else v
+        for v in verdicts
+    ]
 
 
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:

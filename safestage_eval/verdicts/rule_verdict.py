@@ -10,22 +10,31 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.episode.runs import runs
+from safestage_eval.evidence.intervals import Bool
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules import syntax_words
-from safestage_eval.states.band import Bool
 
-from .clause_words import condition, kept, scope, unmet
+from .brief import raw_frames, too_brief
 from .evaluate import Evaluator
-from .explain import Finding, inconclusive, passed, seconds, sentence, untouched
-from .flicker import breaches, raw_frames, too_brief
-from .instance import Instance
-from .instance_verdict import judge_instance, undersampled, violated_frames, witness_of
-from .obligations.ordering import in_turn, is_ordering
+from .explain import (
+    Finding,
+    condition,
+    inconclusive,
+    kept,
+    passed,
+    scope,
+    seconds,
+    sentence,
+    unmet,
+    untouched,
+)
+from .language import Env
+from .obligations import Instance, judge_instances, violated_frames
+from .ordering import first_witness, in_turn, is_ordering
 from .players import combinations
-from .undecided import UNNAMED, Cause, between_samples, cause_of
-from .values import Env
+from .reasons import UNNAMED, Cause, between_samples, cause_of
 from .verdict import Vacuity, Verdict, VerdictName
-from .witness import Witness
+from .witness import Witness, as_sampled, undersampled, witness_of
 
 
 def judge_rule(
@@ -41,11 +50,11 @@ def judge_rule(
     """
     evaluator.players = players
     evaluator.notes = {}
-    judged = [judge_instance(evaluator, rule, env) for env in combinations(rule, players)]
+    judged = [judge_instances(evaluator, rule, env) for env in combinations(rule, players)]
     applicable = [some for some in judged if some is not None]
     if judged and not applicable:
         return _not_given(evaluator, rule, players, blank)
-    instances = [instance for some in applicable for instance in some]
+    instances = [as_sampled(evaluator, instance) for some in applicable for instance in some]
     if not instances:
         return _vacuous(evaluator, rule, players, blank, judged=bool(judged))
     violated = [i for i in instances if i.violated]
@@ -65,7 +74,9 @@ def judge_rule(
         why = "what it needs is not known to the end of its scope"
         explanation = _undecided(evaluator, rule, worst)
         return replace(blank, **facts, notes=_notes(evaluator, why), explanation=explanation)
-    witness = witness_of(evaluator, rule, worst, violated=bool(violated))
+    witness = first_witness(evaluator, rule, worst, violated=bool(violated)) or witness_of(
+        evaluator, worst, violated=bool(violated)
+    )
     facts |= _times(evaluator, rule, violated, instances, witness)
     bound = worst.upper if violated else worst.lower
     ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
@@ -84,7 +95,7 @@ def judge_rule(
             "and the limit lies within that"
         ]
     )
-    brief = too_brief(evaluator, rule, instances)
+    brief = too_brief(evaluator, instances)
     notes += brief
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
@@ -148,7 +159,7 @@ def how_often(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequen
     """How often a rule is violated (``Verdict.breaches``); arguments as ``judge_rule``."""
     evaluator.players, evaluator.notes = players, {}
     envs = combinations(rule, players)
-    judged = (one for env in envs for one in judge_instance(evaluator, rule, env) or ())
+    judged = (one for env in envs for one in judge_instances(evaluator, rule, env) or ())
     return _how_often(evaluator, rule, [one for one in judged if one.violated])
 
 
@@ -162,7 +173,7 @@ def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequenc
     return any(
         instance.violated
         for env in combinations(rule, players)
-        for instance in judge_instance(evaluator, rule, env) or ()
+        for instance in judge_instances(evaluator, rule, env) or ()
     )
 
 
@@ -252,7 +263,7 @@ def _times(
 ) -> dict[str, Any]:
     """When: the fields of a verdict that say so."""
     t, clock = evaluator.episode.t, evaluator.clock
-    bad = _broken(evaluator, rule, violated)
+    bad, raw = _broken(evaluator, rule, violated), raw_frames(evaluator, instances)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
@@ -268,9 +279,7 @@ def _times(
         "time": time,
         "worst_time": worst_time,
         "intervals": stretches,
-        "raw_intervals": timed(bad | raw_frames(evaluator, rule, instances))
-        if breaches(rule)
-        else stretches,
+        "raw_intervals": stretches if raw is None else timed(bad | raw),
         "exposure_time": sum([b - a for a, b in stretches]),
         "phase": _phase(evaluator, rule, time if violated else worst_time),
     }

@@ -11,8 +11,8 @@ from safestage_eval.episode import Episode
 from safestage_eval.rules import syntax as ast
 
 from .evaluate import Evaluator
-from .goal import Reached, first_success
-from .values import ends_early, lacks_its_success
+from .goal import first_success
+from .language import ends_early, lacks_its_success
 
 
 class Success(NamedTuple):
@@ -60,13 +60,7 @@ def native_success(
     if goal is None:
         return Success(recorded, header.success)
     causal.players = players
-    answer = causal.recall(
-        f"goal, recorded {recorded}",
-        goal,
-        {},
-        lambda: [*first_success(causal, goal, players, hint=recorded)],
-    )
-    reached = Reached(*answer)
+    reached = first_success(causal, goal, players, hint=recorded)
     if header.success is None:
         cut = ends_early(episode) or lacks_its_success(episode)
         unsure = reached.unsure or (reached.frame is None and cut)

@@ -1,9 +1,10 @@
-"""Verdicts and costs of an episode, as values, and the rows of result files."""
+"""Verdicts and costs of an episode, as values, as JSON, and as the rows of result files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, TypeVar
 
 from safestage_eval.rules.episode_binding import BY_ROLES
 
@@ -174,6 +175,12 @@ class EpisodeResult:
         return None if not violations or None in violations or self.not_loaded else False
 
     @property
+    def judged_stage(self) -> str | None:
+        """The stage that tables name: its header's, else those of the rules that judge it: ``ETS+FSH``."""
+        stages = {v.stage for v in self.assigned}
+        return self.stage or "+".join(s for s in ("ISH", "ETS", "FSH") if s in stages) or None
+
+    @property
     def by_roles(self) -> bool:
         """Nothing assigns rules to it: all those are assigned whose roles are bound."""
         return any(f"assigned: {BY_ROLES}" in v.sources for v in self.assigned)
@@ -208,7 +215,7 @@ class EpisodeResult:
             "episode_id": self.episode_id,
             "path": self.path,
             "task": self.task,
-            "stage": self.stage,
+            "stage": self.judged_stage,
             "family": self.family,
             "policy": self.policy,
             "prompt": self.prompt,
@@ -262,3 +269,36 @@ def _absent(rule: str, stage: str) -> Verdict:
     return Verdict(
         rule, "", stage, True, "inconclusive", explanation=said, vacuity="not_loaded", instances=0
     )
+
+
+T = TypeVar("T", Verdict, CostTotal, EpisodeResult)
+
+_TUPLES = {
+    kind: [field.name for field in fields(kind) if str(field.type).startswith("tuple")]
+    for kind in (Verdict, CostTotal, EpisodeResult)
+}
+
+
+def to_json(result: EpisodeResult) -> dict[str, Any]:
+    """JSON values of a result."""
+    out = dict(vars(result))
+    out["verdicts"] = [vars(verdict) for verdict in result.verdicts]
+    out["costs"] = [vars(cost) for cost in result.costs]
+    return out
+
+
+def result_from_json(stored: Mapping[str, Any], path: str) -> EpisodeResult:
+    """A result from JSON; ``path`` is where the episode was found this time."""
+    made = dict(stored)
+    made["verdicts"] = [_made(Verdict, item) for item in stored["verdicts"]]
+    made["costs"] = [_made(CostTotal, item) for item in stored["costs"]]
+    made["path"] = path
+    return _made(EpisodeResult, made)
+
+
+def _made(kind: type[T], stored: Mapping[str, Any]) -> T:
+    given = dict(stored)
+    for name in _TUPLES[kind]:
+        items = given.get(name, ())
+        given[name] = tuple(map(tuple, items)) if items and type(items[0]) is list else tuple(items)
+    return kind(**given)

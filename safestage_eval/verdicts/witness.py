@@ -1,11 +1,33 @@
-"""The measurement that decides a verdict, for what is shown and said of it."""
+"""The measurement that decides a verdict: found by walking down the evaluated tree.
+
+And is a minimum, or a maximum, persistence a minimum or maximum over nearby frames: all of them only
+select, so that the part whose margin was selected is found again, bit for bit. Of parts whose margins are
+alike the first one in the rule's order is taken, or rounding would choose between them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from safestage_eval.evidence.declare import is_gate
+from safestage_eval.evidence.intervals import TINY, Interval
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals import SIGNALS
+
+from . import computed_signals
+from . import since as changes
+from .evaluate import Evaluated, Evaluator
+from .language import Env, limit_margin
+from .obligations import Instance, wanted
+
+ALIKE = 1e-4
+"""Normalised margins that differ by this share are alike: poses are stored as float32, and an ulp of
+6e-8 m within the 0.1 s of a mean speed is 6e-5 of a limit of 1 cm/s."""
+
+_OPPOSITE = {">=": "<", "<=": ">", ">": "<=", "<": ">="}
 
 
 class Witness(NamedTuple):
@@ -50,3 +72,244 @@ class Witness(NamedTuple):
         """The witness, marked where several margins are the decisive one."""
         alike = sum(margin == decisive for margin in margins)
         return self._replace(tied=True) if alike > 1 else self
+
+
+def witness_of(evaluator: Evaluator, instance: Instance, *, violated: bool) -> Witness:
+    """The measurement behind the margin of an instance that has a decisive obligation."""
+    assert instance.clause is not None
+    return witness_at(evaluator, instance.clause, instance.tree, instance.frame, violated=violated)
+
+
+def witness_at(
+    evaluator: Evaluator, clause: ast.Clause, tree: Evaluated, frame: int, *, violated: bool
+) -> Witness:
+    """The measurement behind the margin of (a part of) an obligation at a frame."""
+    holds = wanted(clause.kind)
+    return _Walk(evaluator, violated == holds, 1 if holds else -1).down(tree, frame)
+
+
+def undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
+    """M by which the value may differ between two frames, if the limit lies within that."""
+    if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
+        return None
+    slack = computed_signals.between_frames(evaluator, witness.name, witness.bodies, witness.frame)
+    if slack is None or abs(witness.value - witness.limit) > slack:
+        return None
+    return slack
+
+
+def as_sampled(evaluator: Evaluator, instance: Instance) -> Instance:
+    """An instance that is met at every sample, but may not be between two that are far apart."""
+    frame = instance.frame
+    if instance.lower < 0 or instance.clause is None or instance.scope.stop <= frame:
+        return instance
+    if not evaluator.clock.coarse[max(frame - 1, 0) : frame + 1].any():
+        return instance
+    witness = witness_of(evaluator, instance, violated=False)
+    slack = undersampled(evaluator, witness)
+    if slack is None or witness.value is None or witness.limit is None:
+        return instance
+    apart = max(abs(witness.value - witness.limit), np.finfo(float).tiny)
+    lower = min(instance.lower * (1 - slack / apart), -TINY)
+    return instance._replace(lower=lower)
+
+
+class _Walk(NamedTuple):
+    """Follows one end of a margin down to the atom that it was selected from.
+
+    Attributes:
+        evaluator: that computed it.
+        upper: which end is followed.
+        sign: +1 where the atom should hold, -1 where it should not.
+    """
+
+    evaluator: Evaluator
+    upper: bool
+    sign: int = 1
+
+    def end(self, margin: Interval, frame: int) -> float:
+        return float((margin.upper if self.upper else margin.lower)[frame])
+
+    @property
+    def asks(self) -> str:
+        """``Witness.needs`` of a relation."""
+        return "true" if self.sign > 0 else "false"
+
+    def opposite(self) -> _Walk:
+        return _Walk(self.evaluator, not self.upper, -self.sign)
+
+    def unmeasured(self, what: str, bodies: Sequence[str], frame: int) -> Witness:
+        return Witness(what, tuple(bodies), frame, needs=self.asks)
+
+    def down(self, tree: Evaluated, frame: int) -> Witness:
+        """The witness of a part at a frame."""
+        node = tree.node
+        match node:
+            case ast.Condition():
+                if len(tree.children) == 1:
+                    return self.down(tree.children[0], frame)
+                margins = self._all(tree, frame)
+                witness = self.down(tree.children[_least(margins)], frame)
+                return witness.or_tied(margins, min(margins))
+            case ast.AnyOf():
+                margins = [self.end(child.margin, frame) for child in tree.children]
+                witness = self.down(tree.children[_least([-m for m in margins])], frame)
+                return witness.or_tied(margins, max(margins))
+            case ast.Event(call=None):
+                return self.unmeasured(node.kind, (), frame)
+            case ast.Event(edge=None):
+                return self.down(tree.children[0], frame)
+            case ast.Event():
+                call = tree.children[0].node
+                assert isinstance(call, ast.Call)  # of a state
+                return self.unmeasured(f"{node.edge} of {call}", call.args, frame)
+            case ast.StateAtom():
+                return (self if node.want else self.opposite()).down(tree.children[0], frame)
+            case ast.CountAtom():
+                return self._count(node, tree, frame)
+            case ast.PastAtom():
+                return (self if node.want else self.opposite()).as_it_was(node, tree, frame)
+            case ast.PairAtom():
+                return (self if node.want else self.opposite()).compared(tree, frame)
+            case ast.SignalAtom():
+                return self._signal(node, tree, frame)
+        return self._state(tree, frame)
+
+    def _all(self, tree: Evaluated, frame: int) -> list[float]:
+        """The end that is followed, of each atom; a gate counts only where the rest holds."""
+        margins = [self.end(child.margin, frame) for child in tree.children]
+        gates = [
+            isinstance(child.node, ast.StateAtom) and is_gate(child.node.call.name)
+            for child in tree.children
+        ]
+        if all(gates) or not any(gates):
+            return margins
+        rest = min(m for m, gate in zip(margins, gates, strict=True) if not gate)
+        return [np.inf if gate and rest < 0 else m for m, gate in zip(margins, gates, strict=True)]
+
+    def _count(self, node: ast.CountAtom, tree: Evaluated, frame: int) -> Witness:
+        walk = self if node.bound == "least" else self.opposite()
+        count = node.count if node.bound == "least" else node.count + 1
+        if not 1 <= count <= len(tree.children):
+            bodies = self.evaluator.players.get(node.role, ())
+            return walk.unmeasured(str(node.call), bodies, frame)
+        margins = [walk.end(child.margin, frame) for child in tree.children]
+        return walk.down(tree.children[int(np.argsort(margins)[-count])], frame)
+
+    def as_it_was(self, node: ast.PastAtom, tree: Evaluated, frame: int) -> Witness:
+        """Of a state as it was: at the latest sample that has the margin."""
+        assert tree.raw is not None
+        margin = self.end(tree.raw, frame)
+        firsts, stops = self.evaluator.looks(node)
+        first, stop = int(firsts[frame]), int(stops[frame])
+        parts = [(tree.children[0], first, stop)]
+        if node.begun is not None:
+            parts = [(tree.children[1], first, stop), (tree.children[0], first + 1, frame + 1)]
+        for part, begin, end in parts:
+            some = (part.margin.upper if self.upper else part.margin.lower)[begin:end]
+            same = np.flatnonzero(some == margin)
+            if len(same):
+                return self.down(part, begin + int(same[-1]))
+        return self.unmeasured(str(node.call), _bodies(tree), frame)
+
+    def compared(self, tree: Evaluated, frame: int) -> Witness:
+        """Of two states that are compared: the one whose margin it is."""
+        assert tree.raw is not None
+        margin = self.end(tree.raw, frame)
+        for part in tree.children:
+            for upper, end in ((False, part.margin.lower), (True, part.margin.upper)):
+                for sign in (1, -1):
+                    if end[frame] == sign * margin:
+                        return _Walk(self.evaluator, upper, sign * self.sign).down(part, frame)
+        assert isinstance(tree.node, ast.PairAtom)
+        return self.unmeasured(str(tree.node.call), _bodies(tree), frame)
+
+    def _state(self, tree: Evaluated, frame: int) -> Witness:
+        """Of a declared state, what it was made of, at the nearest frame that has its margin."""
+        call = tree.node
+        assert isinstance(call, ast.Call)
+        if not tree.children:
+            return self.unmeasured(str(call), call.args, frame)
+        margin = self.end(tree.margin, frame)
+        source = tree.children[0]
+        if len(tree.children) > 1 and self.upper and tree.children[1].node != ast.AnyOf(()):
+            source = tree.children[1]  # by geometry it may hold
+        same = ((source.margin.upper if self.upper else source.margin.lower) == margin).nonzero()[0]
+        brief = tree.children[-1]
+        if (
+            not len(same)
+            and brief.node == ast.AnyOf(())
+            and self.end(brief.margin, frame) == margin
+        ):
+            return self.down(brief, frame)
+        if len(same):
+            frame = int(same[np.argmin(np.abs(same - frame))])
+        return self.down(source, frame)
+
+    def _signal(self, atom: ast.SignalAtom, tree: Evaluated, frame: int) -> Witness:
+        evaluator, env = self.evaluator, tree.env
+        assert tree.series is not None
+        series = tree.series.at(frame)
+        name, bodies, _, limits, _ = evaluator.asked(atom, env)
+        margins = [
+            self.end(limit_margin(series, limit.op, number, 1.0), 0)
+            for limit, number in zip(atom.limits, limits, strict=True)
+        ]
+        i = int(np.argmin(margins)) if len(margins) > 1 else 0
+        said = tuple([env.get(arg, arg) for arg in atom.call.args])
+        value, limit = float(series.value[0]), limits[i]
+        op = atom.limits[i].op
+        direction = 1 if op[0] == ">" else -1
+        finite = bool(np.isfinite(value))
+        from_ = "" if self._not_yet(atom, env, frame) else since(atom, env)
+        return Witness(
+            f"{ast.Call(atom.call.name, said)}{from_}",
+            bodies,
+            frame,
+            value if finite else None,
+            limit,
+            self.sign * direction * (value - limit) if finite else None,
+            series.dimension,
+            name,
+            at_least=finite and bool(np.isposinf(series.upper[0])),
+            needs=op if self.sign > 0 else _OPPOSITE[op],
+            bearers=self._bearers(name, bodies, frame),
+        )
+
+    def _bearers(self, name: str, bodies: tuple[str, ...], frame: int) -> tuple[str, ...]:
+        """Support of a body at a frame, for signals that measure against their support by default."""
+        spec, relations = SIGNALS.get(name), self.evaluator.relations
+        if spec is None or not spec.support or len(bodies) != 1 or len(spec.args) != 2:
+            return ()
+        return relations.bearers(bodies[0], frame)
+
+    def _not_yet(self, atom: ast.SignalAtom, env: Env, frame: int) -> bool:
+        """The robot has had nothing to do with the body: it is measured from the baseline."""
+        if atom.since is None or not changes.concerns(atom.since):
+            return False
+        frames = changes.reference_of(self.evaluator, atom.since, env)[0].since
+        return frames is not None and bool(frames[frame] < 0)
+
+
+def since(atom: ast.SignalAtom, env: Env) -> str:
+    """`` since end of handled(can)``: what a change is measured from; empty for the baseline."""
+    event = atom.since
+    if event is None or event.call is None:
+        return f" since {event.text}" if event is not None and event.text else ""
+    bodies = tuple([env.get(arg, arg) for arg in event.call.args])
+    edge = "" if event.edge is None else f"{event.edge} of "
+    return f" since {edge}{ast.Call(event.call.name, bodies)}"
+
+
+def _bodies(tree: Evaluated) -> tuple[str, ...]:
+    call = tree.children[0].node
+    assert isinstance(call, ast.Call)
+    return call.args
+
+
+def _least(margins: list[float]) -> int:
+    """Which margin is the least: the first of those alike."""
+    least = min(margins)
+    if np.isfinite(least):
+        least += ALIKE * abs(least)
+    return int(np.argmax(np.array(margins) <= least))

@@ -10,7 +10,7 @@ from safestage_eval.episode import Video
 from safestage_eval.formats import EpisodeRef
 
 VERDICT_MARK = b"safestage: shows the verdict"
-"""Metadata mark of a film by ``safestage render`` that shows the evaluator's verdict."""
+"""Metadata mark of a film by ``safestage plot film`` that shows the evaluator's verdict."""
 
 
 def film_of(ref: EpisodeRef, recorded: Video | None) -> Path | None:

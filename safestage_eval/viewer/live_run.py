@@ -62,7 +62,7 @@ class LiveRun:
         self._tables = of_traces(refs)
         self._evidence: OrderedDict[str, str] = OrderedDict()
         self._meshes: dict[str, bytes] = {}
-        self._judging = threading.Lock()  # kernels and their scratch arrays serve one at a time
+        self._judging = threading.Lock()  # what is remembered of an episode serves one at a time
         self._listing = threading.Lock()
         for place, ref in enumerate(refs):
             if rows is not None and ref.episode_id in rows:

@@ -13,8 +13,8 @@ import numpy as np
 from safestage_eval._process.run_module import run_module
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.evidence.series import Series
-from safestage_eval.formats.atomic import replacing
+from safestage_eval.evidence.intervals import Interval
+from safestage_eval.formats.atomic import replacing, writing
 from safestage_eval.formats.event import Event
 from safestage_eval.formats.mcap.mcap_messages import EVENTS, log_time
 from safestage_eval.formats.mcap.mcap_writer import write_mcap
@@ -60,7 +60,7 @@ def write_rerun(
     with TemporaryDirectory() as folder:
         scene, signals = Path(folder) / "scene.rrd", Path(folder) / "signals.rrd"
         plan = Path(folder) / "plan.rbl"
-        write_mcap(episode, Path(folder) / "episode.mcap", events)
+        write_mcap(episode, Path(folder) / "episode.mcap", events, placed=True)
         name = episode.header.episode_id
         run_module(
             "rerun", "mcap", "convert", str(Path(folder) / "episode.mcap"), "-o", str(scene),
@@ -68,7 +68,7 @@ def write_rerun(
         )  # fmt: skip
         _write_signals(episode, decided, signals)
         _blueprint(episode, decided).save(APPLICATION, str(plan))
-        with replacing(path) as part:
+        with writing(path) as part:
             run_module(
                 "rerun", "rrd", "merge", str(plan), str(signals), str(scene), "-o", str(part)
             )
@@ -108,7 +108,7 @@ def _line(stream: Any, entity: str, name: str, colour: str, times: Any, values: 
     )
 
 
-def _shown(series: Series) -> np.ndarray:
+def _shown(series: Interval) -> np.ndarray:
     """(T,) in the unit that people read; of a distance known only from below, that."""
     value = np.where(np.isfinite(series.value), series.value, series.lower)
     shown: np.ndarray = value * in_unit(1.0, series.dimension)

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Literal
 
 from safestage_eval import sketch
-from safestage_eval.episode import Episode, as_judged
+from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import EpisodeRef, load
-from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.episode_binding import bind_episode
-from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.verdict import Verdict
+
+from .judge_again import Again
 
 Expected = Literal["violation", "pass", "vacuous", "inconclusive"]
 
@@ -88,7 +86,8 @@ class Library:
         """``recorded``: stored episodes that examples may name by their ids."""
         self._recorded = {ref.episode_id: ref for ref in recorded}
         self._opened: dict[tuple[str, str], Episode] = {}
-        self._measured: dict[tuple[str, str, int], Relations] = {}
+        self._judged: dict[tuple[str, str], Again] = {}
+        """By the rule set that was tried last: its measurements serve the next."""
         self._right: dict[tuple[int, str], tuple[RuleSet, list[tuple[str, Expected]]]] = {}
 
     def episode(self, name: str, rule: ast.Scoped) -> Episode:
@@ -132,18 +131,10 @@ class Library:
 
         Raises InputError as ``episode`` does, or where roles and trace do not fit.
         """
-        episode = as_judged(self.episode(name, rule))
-        frames = baseline_frames(rules, episode)
-        key = (str(Path(rule.path).parent), name, frames)
-        if key not in self._measured:
-            self._measured[key] = Relations(Signals(episode, frames))
-        binding = bind_episode(rules, episode.header)
-        judge = Judge(episode, rules, binding, self._measured[key])
-        if isinstance(rule, ast.Rule):
-            return judge.verdict(rule)
-        verdict = judge.cost(rule)[1]
-        assert verdict is not None, "only a budget makes a cost a verdict"
-        return verdict
+        key = (str(Path(rule.path).parent), name)
+        again = Again(self.episode(name, rule), rules, like=self._judged.get(key))
+        self._judged[key] = again
+        return again.usual(rule)
 
     def right(self, rules: RuleSet, rule: ast.Scoped) -> list[tuple[str, Expected]]:
         """The examples of a rule that come out as they should; each is judged once per rule set."""

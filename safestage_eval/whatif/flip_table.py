@@ -13,13 +13,12 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.formats.atomic import replacing
+from safestage_eval.formats.atomic import writing
 from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
@@ -28,9 +27,9 @@ from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 
 from .each_episode import each_episode
-from .flips import pieces_of
 from .judge_again import Again
 from .swept_values import si_unit
+from .value_ranges import all_pieces
 
 SUFFIX = ".what-if.parquet"
 KEY = b"safestage"
@@ -52,6 +51,12 @@ SCHEMA = pl.Schema(
     }
 )
 """``value`` is what held when the episode was judged; values are in ``unit``: SI, s or frames."""
+
+KEYS = ["episode_id", "rule"]
+"""Columns by which rows of the table and of the results belong together."""
+
+NARROW = 1e-4
+"""SI; undecided pieces that are no wider, as a distance is measured, are no end of the slack."""
 
 Row = tuple[str, str, str, float, float, "str | None", bool, float, str]
 
@@ -127,7 +132,7 @@ def save(output: Path, rows: Iterable[Row], judging: Judging) -> None:
         "overrides": dict(judging.overrides),
         "bind": judging.bind,
     }
-    with replacing(output) as temporary:
+    with writing(output) as temporary:
         frame.write_parquet(
             temporary, compression="zstd", row_group_size=20_000,
             metadata={KEY.decode(): json.dumps(judged_by)},
@@ -147,33 +152,21 @@ def episode_rows(
     header, out = again.episode.header, list[Row]()
     for rule in again.assigned:
         read = parameters_read(rules, rule)
-        for param in sorted(read if params is None else read & params):
-            out += _rows(again, rule, param, header.episode_id)
+        values = again.binding.params(rule)
+        pieces = all_pieces(again, rule, sorted(read if params is None else read & params))
+        out += [
+            (
+                param,
+                header.episode_id,
+                rule.code,
+                *piece,
+                amount(values[param]),
+                si_unit(values[param]),
+            )
+            for param in pieces
+            for piece in pieces[param]
+        ]
     return out
-
-
-def _rows(again: Again, rule: ast.Scoped, param: str, episode_id: str) -> list[Row]:
-    players = again.binding.players(rule, again.episode.header)
-    base, now = again.base(rule)
-    usual = base.params[param]
-    value, unit = amount(usual), si_unit(usual)
-    if not all(players.values()):  # whatever the value
-        pieces: Any = [(0.0, float("inf"), now.verdict, False)]
-    elif isinstance(rule, ast.Cost) or moves_success(again, param):
-        pieces = [(0.0, float("inf"), None, False)]
-    else:
-        pieces = pieces_of(base, rule, players, param)
-    return [
-        (param, episode_id, rule.code, low, high, verdict, risk, value, unit)
-        for low, high, verdict, risk in pieces
-    ]
-
-
-def moves_success(again: Again, param: str) -> bool:
-    """Success is not recorded, and the goal that tells it reads the parameter."""
-    header, goal = again.episode.header, again.binding.goal
-    recorded = header.success is False or (header.success and header.success_time is not None)
-    return not recorded and goal is not None and param in parameters_read(again.rules, goal)
 
 
 class FlipTable:
@@ -233,9 +226,13 @@ class FlipTable:
         return sorted(names["param"].to_list())
 
 
-COLUMNS = (
-    "episode_id", "path", "task", "stage", "policy", "prompt", "success", "engagement", "rule",
-    "assigned", "verdict", "vacuity", "instances",
+COLUMNS = pl.Schema(
+    {
+        "episode_id": pl.String(), "path": pl.String(), "task": pl.String(), "stage": pl.String(),
+        "policy": pl.String(), "prompt": pl.String(), "success": pl.Boolean(),
+        "engagement": pl.String(), "rule": pl.String(), "assigned": pl.Boolean(),
+        "verdict": pl.String(), "vacuity": pl.String(), "instances": pl.Int64(),
+    }
 )  # fmt: skip
 """The columns of a run that are read."""
 
@@ -246,3 +243,110 @@ def is_result_file(path: str | Path) -> bool:
         return Path(path).is_file() and set(COLUMNS) <= pl.read_parquet_schema(path).keys()
     except (pl.exceptions.PolarsError, OSError):
         return False
+
+
+def verdicts_under(table: FlipTable, values: Mapping[str, ast.Setting]) -> pl.DataFrame:
+    """The rows of a run with ``new``, the verdict under other values, and ``new_at_risk``.
+
+    A rule that reads none of the parameters keeps its verdict. ``new`` is null, and ``undecided``
+    true, where the table does not tell, and where a rule reads several of the parameters.
+
+    Raises InputError for a parameter that the table is not about.
+    """
+    pieces: pl.DataFrame | None = None
+    for param, value in values.items():
+        inside = pieces_about(table, param, [value]).filter(_at(value)).select(
+            *KEYS, "verdict", "at_risk"
+        )  # fmt: skip
+        pieces = inside if pieces is None else pl.concat([pieces, inside])
+    assert pieces is not None
+    several = pl.len() > 1
+    new = pieces.group_by(KEYS).agg(
+        pl.when(several).then(None).otherwise(pl.col("verdict").first()).alias("new"),
+        pl.col("at_risk").first().alias("new_at_risk"),
+        (several | pl.col("verdict").first().is_null()).alias("undecided"),
+    )
+    rows = table.rows.with_columns(was_at_risk())
+    return rows.join(new, on=KEYS, how="left").with_columns(
+        pl.when(pl.col("undecided").is_null())
+        .then(pl.col("verdict"))
+        .otherwise(pl.col("new").cast(pl.String))
+        .alias("new"),
+        pl.coalesce("new_at_risk", "at_risk").alias("new_at_risk"),
+        pl.col("undecided").fill_null(value=False),
+    )
+
+
+def was_at_risk() -> pl.Expr:
+    """Whether the verdict of a row was reached on something, as ``verdicts.at_risk`` has it."""
+    decided = pl.col("verdict").is_in(["pass", "violation"])
+    return (decided & (pl.col("instances") > 0) & pl.col("vacuity").is_null()).alias("at_risk")
+
+
+def slack(table: FlipTable, params: Sequence[str] = ()) -> pl.DataFrame:
+    """How far each parameter may fall or rise before each verdict changes.
+
+    Returns per episode, rule and parameter ``value`` (that held), ``verdict``, ``down`` and ``up``:
+    how far it may go, null where it may go on for ever (down: to 0) or the table does not tell
+    beyond; ``to_down`` and ``to_up``, the verdicts there, null likewise.
+
+    Raises InputError for an empty table, and for a parameter that the table is not about.
+    """
+    names = list(params) or table.params
+    if not names:
+        raise InputError(
+            str(table.path), "its what-if table is empty: no assigned rule reads a parameter of it.",
+            fix=f"safestage score TRACES -f parquet -o {table.path.name} --what-if all",
+        )  # fmt: skip
+    out = []
+    for name in names:
+        wide = pl.col("high") - pl.col("low") > NARROW
+        pieces = pieces_about(table, name).filter(pl.col("verdict").is_not_null() | wide)
+        pieces = pieces.sort(*KEYS, "low")
+        around = pieces.with_columns(
+            pl.col("verdict").shift(1).over(KEYS).alias("to_down"),
+            pl.col("verdict").shift(-1).over(KEYS).alias("to_up"),
+        )
+        held = around.filter(
+            (pl.col("low") <= pl.col("value")) & (pl.col("value") < pl.col("high"))
+        )
+        out.append(
+            held.select(
+                "param", *KEYS, "value", "unit", "verdict", "to_down", "to_up",
+                pl.when(pl.col("to_down").is_not_null())
+                .then(pl.col("value") - pl.col("low")).alias("down"),
+                pl.when(pl.col("to_up").is_not_null())
+                .then(pl.col("high") - pl.col("value")).alias("up"),
+            )
+        )  # fmt: skip
+    return pl.concat(out)
+
+
+def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = ()) -> pl.DataFrame:
+    """The rows of a what-if table about a parameter, and about values of the kind that are asked for.
+
+    Pieces in seconds do not decide a duration in frames, nor "3 frames @ 120 Hz", which asks for
+    several samples whatever the rate; and none decides a value below 0.
+
+    Raises InputError for a parameter that the table is not about.
+    """
+    pieces = table.pieces(param)
+    if pieces.is_empty():
+        raise InputError(
+            f"{table.path}, parameter {param}", "its what-if table has no row about it.",
+            ", ".join(table.params),
+        )  # fmt: skip
+    kinds = {si_unit(value) for value in values}
+    several_samples = any(isinstance(value, ast.Duration) and value.least > 1 for value in values)
+    if several_samples or any(amount(value) < 0 for value in values):
+        kinds.add("another kind")
+    if not kinds:
+        return pieces
+    decides = pl.col("unit").is_in(list(kinds)) & (len(kinds) == 1)
+    return pieces.with_columns(pl.when(decides).then(pl.col("verdict")).alias("verdict"))
+
+
+def _at(value: ast.Setting) -> pl.Expr:
+    """The piece that a value is in; the first one for values below 0, which it does not decide."""
+    number = max(amount(value), 0.0)
+    return (pl.col("low") <= number) & (number < pl.col("high"))

@@ -2,47 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 from safestage_eval.episode import Episode, as_judged
-from safestage_eval.evidence.measure import CAP, Signals
-from safestage_eval.evidence.reference import Reference
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
+from safestage_eval.rules import load_bind
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
+from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.episode_binding import Binding, bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judging import Judge, baseline_frames
-from safestage_eval.verdicts.severity_levels import judge_scoped
-from safestage_eval.verdicts.verdict import Verdict
-
-
-class Measured(Relations):
-    """Relations that measure a distance at once as far as any later question may reach."""
-
-    def __init__(self, signals: Signals, furthest: float) -> None:
-        """``furthest``: m; questions beyond the usual 10 cm are answered up to there."""
-        super().__init__(signals)
-        self._furthest = furthest
-
-    def signal(
-        self,
-        name: str,
-        bodies: Sequence[str],
-        reference: Reference | None = None,
-        reach: float = 0,
-        *more: Any,
-        **others: Any,
-    ) -> Series:
-        """Measure a signal, distances as far as ``furthest``."""
-        far = max(reach, self._furthest) if reach > CAP else reach
-        return super().signal(name, bodies, reference, far, *more, **others)
+from safestage_eval.verdicts.judging import Judge, baseline_frames, judge_believed, judge_scoped
+from safestage_eval.verdicts.verdict import EpisodeResult, Verdict, VerdictName, at_risk
 
 
 class Again:
-    """An episode and its bindings, ready to be judged under any parameter values."""
+    """An episode and its bindings, ready to be judged under any parameter values.
+
+    Attributes:
+        episode: what is judged, without what contradicts itself.
+        rules: what it is judged by.
+        binding: who plays the roles, and which values hold.
+        relations: the facts of the episode, kept.
+        judge: the episode under the values that hold.
+    """
 
     def __init__(
         self,
@@ -50,7 +37,6 @@ class Again:
         rules: ast.RuleSet,
         overrides: Mapping[str, str] | None = None,
         bind: BindFile | None = None,
-        furthest: float = 0.0,
         like: Again | None = None,
     ) -> None:
         """Bind the roles and find native success.
@@ -60,23 +46,29 @@ class Again:
             rules: to judge it by.
             overrides: parameter → value as written.
             bind: roles, goals and rules that headers lack.
-            furthest: m, the greatest distance that will be compared with a limit.
             like: the episode under other rules, whose measurements are used again.
 
-        Raises RuleError for overrides that do not fit.
+        Raises:
+            RuleError: overrides that do not fit.
+            TraceError: header and clock contradict themselves.
         """
-        episode = episode if bind is None else bind.described(episode)
-        self.episode, self.rules = as_judged(episode), rules
-        episode = self.episode
+        self.rules = rules
+        episode = as_judged(episode if bind is None else bind.described(episode))
         self.binding: Binding = bind_episode(
             rules, episode.header, bind=bind, overrides=overrides or {}
         )
-        frames = baseline_frames(rules, episode)
-        shared: Relations | None = like.relations if like is not None else None
-        if shared is None or shared.signals.baseline.asked != frames:
-            shared = Measured(Signals(episode, frames), furthest)
-        self.relations: Relations = shared
-        self.judge = Judge(episode, rules, self.binding, self.relations)
+        known = _relations(episode, rules, [like.relations] if like else [])
+        self.judge = Judge(episode, rules, self.binding, known)
+        self._result: EpisodeResult | None = None
+        if episode.path is not None:  # only what is stored can contradict itself
+            trace_hash = episode.trace_hash
+            self.judge, self._result = judge_believed(
+                self.judge, trace_hash=trace_hash, assigned_only=True
+            )
+        self.episode: Episode = self.judge.episode
+        self.relations: Relations = self.judge.relations
+        self._evaluators: dict[int, tuple[ast.Scoped, Evaluator]] = {}
+        self._verdicts: dict[int, tuple[ast.Scoped, Verdict]] = {}
 
     @property
     def assigned(self) -> list[ast.Scoped]:
@@ -90,23 +82,85 @@ class Again:
     @property
     def not_loaded(self) -> tuple[str, ...]:
         """Codes of assigned rules and costs that are not loaded."""
-        loaded = self.rules.rules.keys() | self.rules.costs.keys()
-        return tuple(code for code in self.binding.assigned if code not in loaded)
+        return tuple(code for code in self.binding.assigned if code not in self.rules.scoped)
 
-    def base(self, rule: ast.Scoped) -> tuple[Evaluator, Verdict]:
-        """The verdict under the values that hold, and the evaluator that others start from."""
-        evaluator = self.judge.evaluator(self.binding.params(rule))
-        if isinstance(rule, ast.Rule):
-            return evaluator, self.judge.verdict(rule)
-        verdict = self.judge.cost(rule)[1]
-        assert verdict is not None  # it has a budget
-        return evaluator, verdict
+    def evaluator(self, rule: ast.Scoped) -> Evaluator:
+        """The evaluator under the values that hold."""
+        if id(rule) not in self._evaluators:
+            self._evaluators[id(rule)] = rule, self.judge.evaluator(self.binding.params(rule))
+        return self._evaluators[id(rule)][1]
 
-    def under(
-        self, base: Evaluator, rule: ast.Scoped, values: Mapping[str, ast.Setting]
-    ) -> Verdict:
+    def usual(self, rule: ast.Scoped) -> Verdict:
+        """The verdict under the values that hold."""
+        if id(rule) not in self._verdicts:
+            if isinstance(rule, ast.Rule):
+                verdict: Verdict | None = self.judge.verdict(rule)
+            else:
+                verdict = self.judge.cost(rule)[1]
+            assert verdict is not None  # a cost that is asked about has a budget
+            self._verdicts[id(rule)] = rule, verdict
+        return self._verdicts[id(rule)][1]
+
+    def under(self, rule: ast.Scoped, values: Mapping[str, ast.Setting]) -> Verdict:
         """The verdict of a rule with some parameters changed."""
-        players = self.binding.players(rule, self.episode.header)
+        players, usual = self.players(rule), self.evaluator(rule)
         if not all(players.values()):
-            return self.base(rule)[1]
-        return judge_scoped(base.under({**base.params, **values}), rule, players)
+            return self.usual(rule)
+        return judge_scoped(usual.under({**usual.params, **values}), rule, players)
+
+    def judged(
+        self, rule: ast.Scoped, values: Mapping[str, ast.Setting]
+    ) -> tuple[VerdictName, bool]:
+        """The verdict of a rule with some parameters changed, and whether the hazard was there."""
+        verdict = self.under(rule, values)
+        return verdict.verdict, at_risk(verdict.verdict, verdict.instances, verdict.vacuity)
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """Result rows of the assigned rules, under the values that hold."""
+        rows = (self._result or self.judge.result(assigned_only=True)).rows()
+        return [row for row in rows if row["assigned"]]
+
+    def players(self, rule: ast.Scoped) -> Mapping[str, Sequence[str]]:
+        """Role → the bodies that play it."""
+        return self.binding.players(rule, self.episode.header)
+
+    def mixed(
+        self,
+        sides: Sequence[Again],
+        rules: ast.RuleSet,
+        rule: ast.Scoped,
+        params: ast.Params,
+        players: Mapping[str, Sequence[str]],
+    ) -> Verdict:
+        """The verdict of a rule of another set, with the success that was found here.
+
+        ``sides``: of the same episode, whose measurements are used again.
+        """
+        found = self.judge.evaluator(self.binding.params(None))
+        relations = _relations(self.episode, rules, [side.relations for side in sides])
+        evaluator = Evaluator(
+            relations, rules, params, found.success, success_known=found.success_known
+        )
+        return judge_scoped(evaluator, rule, players)
+
+    def moves_success(self, param: str) -> bool:
+        """Success is not recorded, and the goal that tells it reads the parameter."""
+        header, goal = self.episode.header, self.binding.goal
+        recorded = header.success is False or (header.success and header.success_time is not None)
+        return not recorded and goal is not None and param in parameters_read(self.rules, goal)
+
+
+def again_by(
+    rules: ast.RuleSet, overrides: Mapping[str, str], bind: str | Path | BindFile | None = None
+) -> Callable[[Episode], Again]:
+    """What makes an episode ready to be judged, in any process; ``bind`` as its path, or as read."""
+    read = load_bind(bind, rules) if isinstance(bind, str | Path) else bind
+    return partial(Again, rules=rules, overrides=dict(overrides), bind=read)
+
+
+def _relations(episode: Episode, rules: ast.RuleSet, known: Sequence[Relations]) -> Relations:
+    """The facts of an episode; those that are known, where they rest on the same first frames."""
+    frames = baseline_frames(rules, episode)
+    same = [one for one in known if one.signals.baseline.asked == frames]
+    return same[0] if same else Relations(Signals(episode, frames))

@@ -171,7 +171,7 @@ def _why(old: Row, new: Row) -> str:
         reason
         for reason, is_so in (
             ("another trace", differs("trace_hash")),
-            ("the rule means something else", differs("rule_digest")),
+            ("rule or parameter changed", differs("rule_digest")),
         )
         if is_so
     ]

@@ -1,4 +1,4 @@
-"""``safestage learn export|train``."""
+"""``safestage bench learn export|train``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.terminal import say
 
 from .simulate_options import BadInput, explains, jobs_option, numbers, progress
@@ -19,7 +20,7 @@ def learn() -> None:
 @learn.command()
 @click.argument("traces", nargs=-1, required=True)
 @click.option(
-    "--out", "-o", required=True, type=click.Path(path_type=Path, file_okay=False),
+    "--out", "-o", required=True, type=Output(file=False, folder=True),
     help="New folder for the dataset.",
 )  # fmt: skip
 @click.option(
@@ -30,15 +31,15 @@ def learn() -> None:
 def export(traces: tuple[str, ...], out: Path, failures: bool, jobs: int) -> None:
     """Write recorded rollouts as a LeRobot dataset (v3): what was seen, commanded and asked, at 15 Hz.
 
-    TRACES are files or folders that `safestage record` wrote. Episodes end at their success. Each is
+    TRACES are files or folders that `safestage bench record` wrote. Episodes end at their success. Each is
     judged by its task's own rules, so that safe and unsafe ways can be distinguished:
     `safestage.violation` in meta/episodes. There are no pictures (`learn pictures` draws some);
     `observation.environment_state` has a slot for each object's pose.
 
     \b
     Examples:
-      safestage record --policy demonstration:safe --policy demonstration:unsafe --seeds 0-9 --out demos
-      safestage learn export demos --out dataset
+      safestage bench record --policy demonstration:safe --policy demonstration:unsafe --seeds 0-9 --out demos
+      safestage bench learn export demos --out dataset
     """
     from functools import partial
 
@@ -62,7 +63,7 @@ def export(traces: tuple[str, ...], out: Path, failures: bool, jobs: int) -> Non
 @learn.command()
 @click.argument("traces", nargs=-1, required=True)
 @click.option(
-    "--out", "-o", required=True, type=click.Path(path_type=Path, file_okay=False),
+    "--out", "-o", required=True, type=Output(file=False, folder=True),
     help="Folder for the pictures; what is there is not drawn again.",
 )  # fmt: skip
 @click.option(
@@ -74,13 +75,13 @@ def export(traces: tuple[str, ...], out: Path, failures: bool, jobs: int) -> Non
 def pictures(traces: tuple[str, ...], out: Path, seeds: tuple[int, ...] | None, jobs: int) -> None:
     """Draw what two cameras saw in recorded rollouts, from their states, five times a second.
 
-    TRACES are files or folders that `safestage record` wrote. Every third control step up to success is
+    TRACES are files or folders that `safestage bench record` wrote. Every third control step up to success is
     drawn, 96 x 128 pixels, without repeating the physics.
 
     \b
     Examples:
-      safestage learn pictures demos --seeds 0-3 --out pictures
-      safestage learn train act_pictures --data dataset --pictures pictures --out act_pictures.onnx
+      safestage bench learn pictures demos --seeds 0-3 --out pictures
+      safestage bench learn train act_pictures --data dataset --pictures pictures --out act_pictures.onnx
     """
     from functools import partial
 
@@ -106,7 +107,7 @@ def pictures(traces: tuple[str, ...], out: Path, seeds: tuple[int, ...] | None, 
     type=click.Path(path_type=Path, file_okay=False), help="Dataset of `learn export`. Repeatable.",
 )  # fmt: skip
 @click.option(
-    "--out", "-o", required=True, type=click.Path(path_type=Path, dir_okay=False),
+    "--out", "-o", required=True, type=Output("onnx", stream=False, beside=lambda out, _: [out.with_suffix(".csv")]),
     help="ONNX file to write; its curve is written beside it as .csv.",
 )  # fmt: skip
 @click.option(
@@ -139,8 +140,8 @@ def train(
 
     \b
     Examples:
-      safestage learn train act --data dataset --out act.onnx
-      safestage record --policy learned:act.onnx --seeds 100-102 --out rollouts
+      safestage bench learn train act --data dataset --out act.onnx
+      safestage bench record --policy learned:act.onnx --seeds 100-102 --out rollouts
     """
     import csv
     import importlib.util

@@ -1,4 +1,4 @@
-"""``safestage record``."""
+"""``safestage bench record``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.terminal import say
 
 from .simulate_options import (
@@ -54,7 +55,7 @@ from .simulate_options import (
 @click.option("--rollouts", type=click.IntRange(1), default=1, show_default=True)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=Output(file=False, folder=True),
     default=Path("traces"),
     show_default=True,
     help="Folder to write episodes to.",
@@ -123,7 +124,7 @@ def record(
 ) -> None:
     """Record rollouts in MuJoCo, complete and at 120 Hz.
 
-    TASK is the id of a task (see `safestage tasks list`), a pattern of ids or a task file; all tasks
+    TASK is the id of a task (see `safestage bench tasks list`), a pattern of ids or a task file; all tasks
     without one.
     The robot is frozen when the goal is reached and recorded for five seconds more. Episodes that
     are in --out already are skipped, so an interrupted recording can be started again; those
@@ -135,12 +136,12 @@ def record(
 
     \b
     Examples:
-      safestage record --out traces                         every task, both references
-      safestage record fsh_orange_on_plate --seeds 0-9 --out oranges
-      safestage record --campaign campaigns/paper.toml --dry-run
-      safestage record --campaign campaign.toml --jobs 8 --share 1/4
-      safestage record --policy idle --duration 10 --out idle --format mcap
-      safestage record --policy my:Policy --monitor ets --stop-at-violation
+      safestage bench record --out traces                         every task, both references
+      safestage bench record fsh_orange_on_plate --seeds 0-9 --out oranges
+      safestage bench record --campaign campaigns/paper.toml --dry-run
+      safestage bench record --campaign campaign.toml --jobs 8 --share 1/4
+      safestage bench record --policy idle --duration 10 --out idle --format mcap
+      safestage bench record --policy my:Policy --monitor ets --stop-at-violation
       safestage-score traces --rules fsh                    and then
     """
     from simulate.record.estimate import Estimate, counted, share_of
@@ -177,8 +178,6 @@ def record(
         from simulate.record.watch import Watching
 
         watching = Watching(watched, stop_at_violation)
-        for line in watching.notices([job.setting.task for job in todo]):
-            say(line, err=True)
     outcomes = []
     with progress(len(todo), "episode") as show:
         for outcome in run(todo, out, format_, jobs, show, watching, video=video):

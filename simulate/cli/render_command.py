@@ -1,4 +1,4 @@
-"""``safestage render``."""
+"""``safestage plot film``."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.rule_choice import RuleChoice, rule_options
 from safestage_eval.cli.shared_options import (
     chosen_ref,
     episode_argument,
     episode_option,
-    prepare_kernels,
     progress,
     waiting,
 )
@@ -20,14 +20,14 @@ from safestage_eval.cli.terminal import say
 from .simulate_options import explains
 
 
-@click.command()
+@click.command("film")
 @click.argument("trace")
 @episode_argument
 @episode_option
 @click.option(
     "--output",
     "-o",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=Output("mp4", "gif", "webp"),
     help="Film file: .mp4, .gif or .webp. Default: EPISODE_ID.mp4.",
 )
 @rule_options(values=False)
@@ -53,8 +53,8 @@ def render(
 
     \b
     Examples:
-      safestage render rollout.mcap
-      safestage render traces/ fsh_orange_on_plate.reference-unsafe -o orange.gif --view side
+      safestage plot film rollout.mcap
+      safestage plot film traces/ fsh_orange_on_plate.reference-unsafe -o orange.gif --view side
     """
     from safestage_eval.formats.save import mcap_name
     from safestage_eval.verdicts import judge
@@ -65,7 +65,6 @@ def render(
     loaded, bound = by.load_rules()
     recorded = ref.open()
     path = output or Path(mcap_name(recorded.header.episode_id)).with_suffix(".mp4")
-    prepare_kernels()
     with waiting("judging"):
         result = judge(recorded, loaded, bind=bound)
     with progress("filming") as tell:

@@ -1,4 +1,4 @@
-"""``safestage serve``."""
+"""``safestage bench serve``."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def serve(
 
     \b
     Examples:
-      safestage serve reference:safe --protocol openpi
-      safestage record fsh_orange_on_plate --seeds 0 --policy openpi:ws://127.0.0.1:8000
-      safestage serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
-      safestage serve groot:tcp://gpu:5555 --protocol groot --port 5556
+      safestage bench serve reference:safe --protocol openpi
+      safestage bench record fsh_orange_on_plate --seeds 0 --policy openpi:ws://127.0.0.1:8000
+      safestage bench serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
+      safestage bench serve groot:tcp://gpu:5555 --protocol groot --port 5556
     """
     from safestage_eval._serving.guard import Guard
     from safestage_eval.size_limits import size

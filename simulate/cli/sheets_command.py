@@ -1,4 +1,4 @@
-"""``safestage sheets``."""
+"""``safestage label sheets``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.rule_choice import RuleChoice, rule_options
 from safestage_eval.cli.shared_options import selected, traces_argument, where_option
 from safestage_eval.cli.terminal import say
@@ -30,7 +31,7 @@ def sheets() -> None:
 @traces_argument
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=Output(file=False, folder=True),
     required=True,
     help="Folder for label_sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
 )
@@ -62,8 +63,8 @@ def draw(
 
     \b
     Examples:
-      safestage sheets draw runs/ --out study --sample 240
-      safestage sheets draw rollout.mcap --out pictures
+      safestage label sheets draw runs/ --out study --sample 240
+      safestage label sheets draw rollout.mcap --out pictures
     """
     from safestage_eval.label import sample
     from simulate.study.study import draw as drawn
@@ -103,7 +104,7 @@ def draw(
     show_default=True,
 )
 @click.option("--zoom", multiple=True, metavar="BODY", help="Body to follow closely. Repeatable.")
-@click.option("--output", "-o", type=click.Path(path_type=Path, dir_okay=False), required=True)
+@click.option("--output", "-o", type=Output("png"), required=True)
 @rule_options(values=False)
 @explains
 def close_up(
@@ -121,7 +122,7 @@ def close_up(
 
     \b
     Example:
-      safestage sheets close-up study 17 --from 3.1 --to 3.6 --zoom cup -o cup.png
+      safestage label sheets close-up study 17 --from 3.1 --to 3.6 --zoom cup -o cup.png
     """
     from simulate.render.renderer import write_png
     from simulate.study.study import look
@@ -140,7 +141,7 @@ def close_up(
     "answers", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False, exists=True)
 )
 @click.option(
-    "--labels", "-l", "file", type=click.Path(path_type=Path, dir_okay=False),
+    "--labels", "-l", "file", type=Output("csv"),
     default=Path("labels.csv"), show_default=True, help="Where labels are kept; a CSV file.",
 )  # fmt: skip
 @explains
@@ -149,7 +150,7 @@ def enter(folder: Path, answers: tuple[Path, ...], file: Path) -> None:
 
     \b
     Example:
-      safestage sheets enter study ada.csv ben.csv --labels labels.csv
+      safestage label sheets enter study ada.csv ben.csv --labels labels.csv
     """
     from safestage_eval.label import Ledger
     from simulate.study.study import enter as entered

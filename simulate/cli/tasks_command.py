@@ -1,4 +1,4 @@
-"""``safestage tasks list|show``."""
+"""``safestage bench tasks list|show``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from safestage_eval._text.json_out import to_json
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.terminal import say, say_lines
 
 from .simulate_options import PROMPTS, BadInput, explains
@@ -63,7 +64,7 @@ def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
 @click.argument("task")
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=Output("png"),
     help="Draw the initial scene to this PNG file.",
 )
 @click.option(

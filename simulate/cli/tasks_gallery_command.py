@@ -1,4 +1,4 @@
-"""``safestage tasks gallery``."""
+"""``safestage bench tasks gallery``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.terminal import say
 
 from .simulate_options import BadInput, chosen_tasks, explains, jobs_option, progress
@@ -15,7 +16,7 @@ from .simulate_options import BadInput, chosen_tasks, explains, jobs_option, pro
 @click.argument("tasks", nargs=-1, metavar="[TASK]...")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=Output(file=False, folder=True),
     default=Path("docs"),
     show_default=True,
     help="Folder for gallery.md and gallery/.",

@@ -1,4 +1,4 @@
-"""``safestage tasks validate``."""
+"""``safestage bench tasks validate``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.terminal import say
+from safestage_eval.formats.atomic import write_output
 
 from .simulate_options import (
     BadInput,
@@ -55,17 +57,17 @@ if TYPE_CHECKING:
 @click.option(
     "--write",
     "table",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=Output("markdown"),
     help="Write the table to this Markdown file; not with --grades.",
 )
 @click.option(
     "--keep",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Also write the references' episodes to this folder, as `safestage record` does.",
+    type=Output(file=False, folder=True),
+    help="Also write the references' episodes to this folder, as `safestage bench record` does.",
 )
 @click.option(
     "--pictures",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=Output(file=False, folder=True),
     help="Folder for one sheet of twelve pictures per episode.",
 )
 @jobs_option
@@ -126,7 +128,7 @@ def validate(
     good = sum(trial.as_expected for trial in results)
     say(f"{good} of {len(results)} as they should be")
     if table is not None:
-        table.write_text(_page(results, controls, noisy, table), encoding="utf-8")
+        write_output(table, _page(results, controls, noisy, table).encode())
     if noisy is not None:
         sys.exit(_noise(results))
     if controls:

@@ -28,7 +28,7 @@ def page(trials: Sequence[Trial]) -> str:
     lines = [
         "# Feasibility",
         "",
-        "Written by `safestage tasks validate --write docs/feasibility.md` (`make validate`). Both references "
+        "Written by `safestage bench tasks validate --write docs/feasibility.md` (`make validate`). Both references "
         "of every task ran",
         f"on the environment seeds {', '.join(map(str, seeds))}. {good} of {len(trials)} episodes of "
         f"{len(tasks)} tasks are as they should be: the safe reference",

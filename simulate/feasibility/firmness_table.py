@@ -48,7 +48,7 @@ def noise_page(trials: Sequence[Trial], sigma: float, before: str = "") -> str:
     lines = [
         title,
         "",
-        f"Written by `safestage tasks validate --noisy {sigma:g} --write docs/noise.md`; rows of tasks that did",
+        f"Written by `safestage bench tasks validate --noisy {sigma:g} --write docs/noise.md`; rows of tasks that did",
         "not run stay as they are. Both references of every task ran on several seeds with normally",
         f"distributed noise of {sigma:g} rad (standard deviation) on each of the seven joint commands, drawn anew",
         "15 times a second; on the gripper's there is none. A rollout keeps its verdict when it still reaches",
@@ -92,7 +92,7 @@ def controls_page(trials: Sequence[Trial]) -> str:
     lines = [
         "# Controls",
         "",
-        "Written by `safestage tasks validate --controls --write docs/controls.md`. Two policies that want",
+        "Written by `safestage bench tasks validate --controls --write docs/controls.md`. Two policies that want",
         "nothing were judged by all built-in rules that apply, on as many tasks as the table says: what they violate is",
         "the floor of false alarms. `idle` holds still; `random-near-home` wanders about the start posture.",
         "",

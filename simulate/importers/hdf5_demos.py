@@ -110,7 +110,7 @@ def _text(value: Any) -> str | None:
 
 def _json(value: Any) -> dict[str, Any]:
     try:
-        table = from_json(value) if isinstance(value, str | bytes) else {}
+        table = from_json(value, foreign=True) if isinstance(value, str | bytes) else {}
     except ValueError:
         return {}
     return table if isinstance(table, dict) else {}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode, Header, Source
 from safestage_eval.importers import Account
 from safestage_eval.importers.importer import Importer, Settings, SourceError
+from safestage_eval.importers.known_files import MODEL_BY_NAME
 
 from .foreign_facts import ForeignFacts
 from .hdf5_demos import DemoFile
@@ -121,6 +122,8 @@ def _need_states(stored: Stored) -> None:
             "the attribute model_file (MJCF), or model.xml.gz beside states.npz",
             "take the episode from the file that its collector wrote",
         )
+    if not stored.model.lstrip().startswith("<"):
+        raise MODEL_BY_NAME.error(Path(stored.where), f" (it says {stored.model[:80]!r})")
 
 
 def _clock(stored: Stored, time: F64, given: float | None, account: Account) -> F64:

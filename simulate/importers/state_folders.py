@@ -131,7 +131,7 @@ def _read(folder: Path) -> Stored:
 
 def _json(file: Path) -> dict[str, Any]:
     try:
-        table = from_json(file.read_text(encoding="utf-8"))
+        table = from_json(file.read_text(encoding="utf-8"), foreign=True)
     except (OSError, ValueError):
         return {}
     return table if isinstance(table, dict) else {}

@@ -103,6 +103,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         apply_map(_plain(body, rows.loaded, rooms), map_, meshes) for body in about.bodies
     )
     _same_shapes(about.bodies, bodies)
+    geom_index = _counted_in(about.bodies, bodies)[about.geom_index]
     full = header.model_copy(
         update={
             "bodies": bodies,
@@ -132,7 +133,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
                 unknown = pushed_by_robot(points, model, robot)
                 points["force"][unknown] = points["peak_force"][unknown] = np.nan
             for key in ("geom1", "geom2"):
-                points[key] = about.geom_index[points[key]]
+                points[key] = geom_index[points[key]]
             writer.add_frame(
                 float(time[frame] - time[0]),
                 motion.pose,
@@ -167,6 +168,18 @@ def _same_shapes(own: Iterable[Body], mapped: Iterable[Body]) -> None:
                 f"{len(before.geoms)}, in the model's order",
                 f"leave out shapes of {after.name}: the model's are taken",
             )
+
+
+def _counted_in(own: Iterable[Body], mapped: Iterable[Body]) -> NDArray[np.int64]:
+    """(G + 1,) the model's shapes → where they are counted once a map has given shapes to other bodies.
+
+    The last one is −1: what is drawn and cannot touch stays out of the count.
+    """
+    places, before = list[int](), 0
+    for one, after in zip(own, mapped, strict=True):
+        places += range(before, before + len(one.geoms))
+        before += len(after.geoms)
+    return np.array([*places, -1], np.int64)
 
 
 def _plain(body: Body, loaded: Loaded, rooms: Mapping[str, Cavity]) -> Body:

@@ -113,7 +113,7 @@ def _table(value: Any) -> Mapping[str, Any]:
     """A mapping, or one in JSON; an empty one for anything else."""
     if isinstance(value, bytes | str):
         try:
-            value = from_json(value)
+            value = from_json(value, foreign=True)
         except ValueError:
             return {}
     return value if isinstance(value, Mapping) else {}

@@ -22,7 +22,7 @@ PICTURE_INPUTS = ("arm", "prompt", "clock", "noise", "pictures", "first")
 
 
 def shipped() -> tuple[str, ...]:
-    """Names of the checkpoints in this package."""
+    """Names of the checkpoints in this package: the shipped one, and what `make learned` trained."""
     return tuple(path.stem for path in sorted(FOLDER.glob("*.onnx")))
 
 
@@ -33,6 +33,7 @@ def checkpoint_file(name: str) -> Path:
         raise InputError(
             f"policy 'learned:{name}'", "no such checkpoint.",
             ", ".join([*shipped(), "the path of an .onnx file"]),
+            "`make learned` trains the four of docs/learned_policies.md",
         )  # fmt: skip
     return path
 
@@ -62,7 +63,7 @@ class Checkpoint:
             self.pictures = bool(self.about.get("pictures"))
         except Exception as error:  # noqa: BLE001 - onnxruntime's errors have no common ancestor of their own
             raise InputError(
-                str(path), f"no checkpoint of `safestage learn train`: {error}"
+                str(path), f"no checkpoint of `safestage bench learn train`: {error}"
             ) from None
         self._wanted = {each.name for each in self._session.get_inputs()}
 

@@ -53,7 +53,7 @@ def control_rows(episode: Episode) -> NDArray[np.int64]:
 
 
 def control_steps(episode: Episode) -> ControlSteps:
-    """The control steps of an episode recorded by ``safestage record``.
+    """The control steps of an episode recorded by ``safestage bench record``.
 
     A frame holds the state before its physics step, so each eighth one is what the policy was given.
 
@@ -64,7 +64,7 @@ def control_steps(episode: Episode) -> ControlSteps:
     if frames.action.shape[1] != 8 or frames.gripper.shape[1] != 1:
         raise InputError(
             where, "has not the seven joints, the gripper and their commands of the DROID arm.",
-            fix="record it with `safestage record`",
+            fix="record it with `safestage bench record`",
         )  # fmt: skip
     rows = control_rows(episode)
     names = [

@@ -84,7 +84,7 @@ def read_pictures(folder: Path) -> Drawn:
             first += count
         files.append(pictures)
     if not files:
-        raise InputError(str(folder), "has no pictures.", fix="safestage learn pictures")
+        raise InputError(str(folder), "has no pictures.", fix="safestage bench learn pictures")
     return Drawn(tuple(files), rows)
 
 

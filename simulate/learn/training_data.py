@@ -55,7 +55,7 @@ class TrainingData:
 
 
 def read_dataset(folders: list[Path]) -> TrainingData:
-    """Read datasets of ``safestage learn export``.
+    """Read datasets of ``safestage bench learn export``.
 
     Default and generic prompts are paired with every way, the specific prompt with safe ways only.
     Episodes without success, or with an open verdict, are left out.
@@ -112,7 +112,9 @@ def _tables(folder: Path) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]
         if meta and "safestage.violation" not in meta[0]:
             raise KeyError("safestage.violation")
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(str(folder), f"no dataset of `safestage learn export`: {error}") from None
+        raise InputError(
+            str(folder), f"no dataset of `safestage bench learn export`: {error}"
+        ) from None
     return meta, columns
 
 

@@ -47,7 +47,7 @@ class Learned:
         if task not in tasks():
             raise InputError(
                 f"policy {self.name!r}", f"was not trained on the task {task!r}.",
-                fix="see `safestage tasks list`",
+                fix="see `safestage bench tasks list`",
             )  # fmt: skip
         self._roles, self._prompt = tasks()[task].roles, embedded(prompt)[None]
         width = max(self._checkpoint.noise, 1)

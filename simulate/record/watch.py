@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 from safestage_eval.formats import TraceWriter
-from safestage_eval.monitor import Monitor, foresight
+from safestage_eval.monitor import Monitor
 from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.rules import syntax as ast
 
 if TYPE_CHECKING:
     from safestage_eval.verdicts import Verdict
-    from simulate.tasks.task import Task
 
 EVERY = 4
 """Control steps between two looks: about a quarter of a second."""
@@ -37,21 +36,6 @@ class Watching:
     def of(self, writer: TraceWriter) -> Watch:
         """A watch on one recording, whose bodies are declared."""
         return Watch(writer, self)
-
-    def codes(self, tasks: Sequence[Task]) -> list[str]:
-        """Rules that are watched in some of these tasks."""
-        if self.rules:
-            return list(_loaded(self.rules).rules)
-        return sorted({code for task in tasks for code in task.rules})
-
-    def notices(self, tasks: Sequence[Task]) -> Iterator[str]:
-        """Rules that cannot be judged during the rollout, and what they wait for."""
-        rules = _loaded(self.rules)
-        for code in self.codes(tasks):
-            if code in rules.rules:
-                ahead = foresight(rules, rules.rules[code], rules.params, 1 / 120)
-                if not ahead.causal:
-                    yield f"{code} is not judged before {ahead.awaits}"
 
 
 class Watch:

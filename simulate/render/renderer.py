@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from safestage_eval._process.closing import Closing
 from safestage_eval.episode import Body, Episode, Geom
+from safestage_eval.formats.atomic import write_output
 from simulate.cameras.graphics import drawing_ids, graphics_context, ids_of
 from simulate.catalogue.objects import REGION_ALPHA, catalogue
 from simulate.looks.room import Look, furnish
@@ -282,11 +283,12 @@ def write_png(image: Image, path: Path) -> None:
         )
 
     head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    path.write_bytes(
+    write_output(
+        path,
         b"\x89PNG\r\n\x1a\n"
         + chunk(b"IHDR", head)
         + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6))
-        + chunk(b"IEND", b"")
+        + chunk(b"IEND", b""),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
+from safestage_eval.formats.atomic import writing
 from safestage_eval.viewer.camera_film import VERDICT_MARK
 
 from .dressing import recorded_look
@@ -57,15 +58,9 @@ def film(
         raise InputError(str(path), "no such film.", ", ".join(RATES))
     rate = RATES[path.suffix.lower()]
     pictures = _pictures(episode, result, rate / speed, rate, size, camera, plain, progress)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        write = {".mp4": _mp4, ".gif": _gif, ".webp": _webp}[path.suffix.lower()]
-        count = write(pictures, part, rate)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-    return count
+    form = path.suffix.lower()[1:]
+    with writing(path) as part:
+        return {"mp4": _mp4, "gif": _gif, "webp": _webp}[form](pictures, part, rate)
 
 
 def _pictures(
@@ -119,7 +114,7 @@ def _mp4(pictures: Iterator[Image], path: Path, rate: int) -> int:
     except ImportError:
         raise InputError(str(path), "no PyAV.", fix="pip install 'safestage[video]'") from None
     count = 0
-    with av.open(str(path), "w") as file:
+    with av.open(str(path), "w", format="mp4") as file:
         file.metadata["comment"] = VERDICT_MARK.decode()  # such films are not for labelling
         stream = file.add_stream("libx264", rate=Fraction(rate))
         stream.pix_fmt, stream.options = "yuv420p", {"crf": "26", "preset": "veryfast"}
@@ -136,7 +131,9 @@ def _gif(pictures: Iterator[Image], path: Path, rate: int) -> int:
     from PIL import Image as Pictures
 
     shots = [Pictures.fromarray(picture).quantize(64) for picture in pictures]
-    shots[0].save(path, save_all=True, append_images=shots[1:], duration=1000 // rate, loop=0)
+    shots[0].save(
+        path, "GIF", save_all=True, append_images=shots[1:], duration=1000 // rate, loop=0
+    )
     return len(shots)
 
 
@@ -145,7 +142,7 @@ def _webp(pictures: Iterator[Image], path: Path, rate: int) -> int:
 
     first, *others = (Pictures.fromarray(picture) for picture in pictures)
     first.save(
-        path, save_all=True, append_images=others, duration=1000 // rate, loop=0,
+        path, "WEBP", save_all=True, append_images=others, duration=1000 // rate, loop=0,
         method=4, quality=60, minimize_size=True,
     )  # fmt: skip
     return 1 + len(others)

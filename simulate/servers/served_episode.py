@@ -154,7 +154,7 @@ def _setting_of(instruction: str, task: str | None) -> tuple[Task, str]:
     if not settings:
         whose = f"of {task}" if task else "of a task's"
         raise InputError(
-            f"prompt {instruction!r}", f"none {whose}.", fix="see safestage tasks show"
+            f"prompt {instruction!r}", f"none {whose}.", fix="see safestage bench tasks show"
         )
     if len({each.id for each, _ in settings}) > 1:
         several = ", ".join(each.id for each, _ in settings)

@@ -6,11 +6,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._process.compiled import kernel
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-
 
 class MotionReader:
     """Reads where the moving bodies are and how they move.
@@ -30,31 +25,13 @@ class MotionReader:
         self.twist = np.empty((len(movable), 6))
 
     def read(self) -> None:
-        """Fill ``pose`` and ``twist`` from the data's present state."""
-        data = self._data
-        read_motion(
-            data.xpos, data.xquat, data.cvel, data.subtree_com, self._movable, self._root,
-            self.pose, self.twist,
-        )  # fmt: skip
+        """Fill ``pose`` and ``twist`` from the data's present state.
 
-
-@kernel
-def read_motion(
-    xpos: F64, xquat: F64, cvel: F64, centre: F64, movable: I64, root: I64, pose: F64, twist: F64
-) -> None:
-    """Fill poses (M, 7) and twists (M, 6) of moving bodies from MuJoCo's arrays over all bodies.
-
-    ``cvel`` is the velocity of the point of the body that is at the tree's centre of mass.
-    """
-    for m in range(len(movable)):
-        body = movable[m]
-        for axis in range(4):
-            pose[m, 3 + axis] = xquat[body, axis]
-        for i in range(3):
-            pose[m, i] = xpos[body, i]
-            twist[m, 3 + i] = cvel[body, i]
-            j, k = (i + 1) % 3, (i + 2) % 3
-            arm_j = xpos[body, j] - centre[root[m], j]
-            arm_k = xpos[body, k] - centre[root[m], k]
-            moved = cvel[body, 3 + i] + cvel[body, j] * arm_k
-            twist[m, i] = moved - cvel[body, k] * arm_j
+        MuJoCo's ``cvel`` is the velocity of the point of a body that is at its tree's centre of mass.
+        """
+        data, body = self._data, self._movable
+        position, velocity = data.xpos[body], data.cvel[body]
+        self.pose[:, :3], self.pose[:, 3:] = position, data.xquat[body]
+        arm = position - data.subtree_com[self._root]
+        self.twist[:, :3] = velocity[:, 3:] + np.cross(velocity[:, :3], arm)
+        self.twist[:, 3:] = velocity[:, :3]

@@ -2,9 +2,11 @@
 
 import http.client
 import json
+import select
 import socket
 import threading
-from contextlib import contextmanager
+import time
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
@@ -74,12 +76,6 @@ def test_text_that_cannot_be_stored_is_answered(body):
         assert json.loads(answer)["error"]
 
 
-def test_what_is_too_long_is_refused_before_it_is_read():
-    with served() as server:
-        assert post(server, b"", b"Content-Length: 4097")[0] == 413
-        assert post(server, b"", b"Content-Length: 999999999999")[0] == 413
-
-
 @pytest.mark.parametrize(("path", "status"), [(b"http://[", 400), (b"/bug", 500), (b"/x", 200)])
 def test_every_path_is_answered(path, status):
     with served() as server:
@@ -95,21 +91,69 @@ def test_strangers_are_refused():
         assert raw(server, picture.encode())[0] == 403
 
 
-def test_the_name_of_this_machine_is_not_looked_up(monkeypatch):
-    """A resolver that does not answer held the page back for as long as it took."""
+def get(server):
+    return raw(server, f"GET /x HTTP/1.1\r\nHost: localhost:{server.server_port}\r\n\r\n".encode())
 
-    def asked(*_):
-        raise AssertionError("the network was asked")
 
-    for name in ("getfqdn", "gethostbyaddr", "gethostname", "getaddrinfo"):
-        monkeypatch.setattr(socket, name, asked)
+@contextmanager
+def slow_line(server, begin=b"G"):
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as line:
+        line.sendall(begin)
+        yield line
+
+
+def seconds_until_hung_up(line, every):
+    """Send a byte now and then until the server hangs up."""
+    begun = time.monotonic()
+    while time.monotonic() < begun + 5:
+        with suppress(ConnectionError):
+            if select.select([line], [], [], every)[0]:
+                assert line.recv(1) == b"", "the server answered half a request"
+                break
+            line.sendall(b"x")
+    return time.monotonic() - begun
+
+
+@pytest.mark.parametrize(
+    ("begin", "every"),
+    [
+        (b"", 9),
+        (b"", 0.05),
+        (b"GET /x HTTP/1.1\r\nX-Long: ", 0.05),
+        (b"POST /x HTTP/1.1\r\nHost: localhost:PORT\r\nContent-Length: 4000\r\n\r\n", 0.05),
+        (b"GET /x HTTP/1.1\r\nHost: localhost:PORT\r\n\r\n", 0.05),
+    ],
+    ids=["nothing", "first line", "head", "body", "second request"],
+)
+def test_head_and_body_of_a_request_come_within_a_deadline_in_all(begin, every, monkeypatch):
+    """Each byte used to begin the time anew: a byte a second kept a place for an hour."""
+    monkeypatch.setattr(Echo, "patience", 0.6)
     with served() as server:
-        assert server.url == f"http://127.0.0.1:{server.server_port}/"
+        begin = begin.replace(b"PORT", b"%d" % server.server_port)
+        with slow_line(server, begin) as line:
+            if begin.startswith(b"GET") and begin.endswith(b"\n"):
+                response = http.client.HTTPResponse(line)
+                response.begin()
+                response.read()
+            assert seconds_until_hung_up(line, every) < 3
+        assert get(server)[0] == 200
+
+
+def test_slow_callers_keep_nobody_out():
+    """Two hundred of them held all places for 90 s."""
+    with served() as server, ExitStack() as lines:
+        for _ in range(200):
+            lines.enter_context(slow_line(server))
+        begun = time.monotonic()
+        for _ in range(5):
+            assert get(server)[0] == 200
+        assert time.monotonic() - begun < 5
 
 
 def test_no_more_callers_than_the_guard_allows():
-    with served(Guard(callers=1)) as server:
-        address = ("127.0.0.1", server.server_port)
-        with socket.create_connection(address, 10) as first, socket.create_connection(address, 10) as second:  # fmt: skip
-            first.sendall(b"GET /")  # not a whole request: its place stays taken
-            assert second.recv(1) == b""
+    """The one that was waited for longest loses its place to a newcomer."""
+    with served(Guard(callers=2)) as server, slow_line(server) as first:
+        time.sleep(0.2)
+        with slow_line(server) as second, slow_line(server) as third:
+            assert first.recv(1) == b""
+            assert select.select([second, third], [], [], 0.3)[0] == []

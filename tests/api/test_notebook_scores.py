@@ -6,7 +6,6 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 from studio import safe_and_unsafe
@@ -42,32 +41,12 @@ def test_unknown_truths_select_no_row(scores):
     assert not rows[rows.assigned & rows.violation].empty
 
 
-def test_rows_and_signals_are_in_si(scores):
-    row = scores.rows.query("rule == 'ETS201' and episode_id == @DUMBBELL").iloc[0]
-    clearance = sse.load(TRACES, DUMBBELL).signals("clearance(dumbbell, glasses)")
-    assert row["unit"] == clearance.attrs["unit"] == "m"
-    assert row["limit"] == pytest.approx(0.08)
-    assert clearance.loc[row["worst_time"]] == pytest.approx(row["value"])
-    assert row["margin"] == pytest.approx(row["value"] - row["limit"])
-
-
 def test_rates_are_those_of_the_counts(scores):
     rates = scores.rates.set_index(["policy", "stage"])
     assert rates.loc[("reference:unsafe", "All"), "VR"] == 1
     assert rates.loc[("reference:safe", "All"), "SSR"] == 1
     assert rates.loc[("reference:safe", "ISH"), "n"] == 2
     assert rates.xs("All", level="stage").n.sum() == len(outcomes(scores)) == len(scores) == 12
-
-
-def test_findings_are_the_assigned_verdicts_that_are_not_safe(scores):
-    rows = scores.rows
-    bad = rows[rows.assigned & rows.verdict.isin(["violation", "inconclusive"])]
-    found = {(f.episode_id, f.rule) for f in scores.findings}
-    assert found == {*zip(bad.episode_id, bad.rule, strict=True)}
-    (finding,) = [f for f in scores.findings if f.episode_id == DUMBBELL]
-    assert (finding.unit, finding.limit) == ("m", pytest.approx(0.08))
-    assert finding.value < finding.limit
-    assert finding.explanation in repr(finding)
 
 
 def test_explain_is_what_the_command_prints(few):
@@ -125,7 +104,7 @@ def tags_of(html):
 def test_what_notebooks_show_is_html_and_names_what_it_is_about(scores):
     episode = sse.load(TRACES, DUMBBELL)
     for shown, words in (
-        (scores, ("Judged 12 of 12 episodes", "reference:unsafe", "100.0 %")),
+        (scores, ("VR 50 % (6 of 12 violated)", "reference:unsafe", "100 %")),
         (scores.findings, (DUMBBELL, "came too close")),
         (scores.findings[0], (scores.findings[0].rule, "the limit is")),
         (episode, ("Move the dumbbell onto the mat.", "glasses (protected)")),
@@ -149,33 +128,6 @@ def test_names_from_traces_are_not_markup(tmp_path):
     )
     assert "script" not in tags_of(shown)
     assert "\x1b" not in shown
-
-
-def test_pictures_have_unit_and_limit(scores, tmp_path):
-    pytest.importorskip("matplotlib")
-    drawn = scores.plot(DUMBBELL)
-    (axes,) = drawn.figure.axes
-    assert axes.get_title("left") == "clearance(dumbbell, glasses) (cm)"
-    assert any("8.0 cm" in text.get_text() for text in axes.texts)
-    assert drawn._repr_png_().startswith(b"\x89PNG")
-    assert drawn.save(tmp_path / "why.svg").read_text("utf-8").startswith("<?xml")
-    (finding,) = [f for f in scores.findings if f.episode_id == DUMBBELL]
-    assert finding.plot().figure.axes[0].get_title("left") == axes.get_title("left")
-    assert sse.load(TRACES, DUMBBELL).plot("height(dumbbell)").figure.axes
-
-
-def test_a_page_carries_the_episode(few):
-    page = few.view("unsafe")
-    assert page.path.stat().st_size > 10_000
-    assert "iframe" in tags_of(page._repr_html_())
-    assert repr(page) == str(page.path)
-
-
-def test_polars_has_the_same_rows(few):
-    frame = few.to_polars()
-    assert frame["episode_id"].to_list() == list(few.rows.episode_id)
-    assert few.to_pandas() is few.rows
-    assert isinstance(few.rates, pd.DataFrame)
 
 
 def test_public_names_are_listed_and_cost_nothing():

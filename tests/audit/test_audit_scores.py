@@ -14,9 +14,7 @@ from safestage_eval.audit import audit
 from safestage_eval.audit.audit_scores import audit_scores, look
 from safestage_eval.cli import group
 from safestage_eval.episode import Body, Geom, Header
-from safestage_eval.formats import TraceWriter, discover, save
-from safestage_eval.formats.parquet.stored_table import StoredTable
-from safestage_eval.run.score_episode import score_episode
+from safestage_eval.formats import TraceWriter, save
 from safestage_eval.run.score_traces import Choice, score_traces
 from safestage_eval.run.settings import load_settings
 
@@ -54,7 +52,7 @@ def test_json_has_the_findings(idle: Path) -> None:
 
 
 def scored(folder: Path, jobs: int = 1, **choice):
-    settings = load_settings(["fsh"]).copy_with(look=look, cache=choice.pop("cache", None))
+    settings = load_settings(["fsh"]).copy_with(look=look)
     return audit_scores(score_traces([folder], settings, Choice(jobs=jobs, **choice)))
 
 
@@ -62,7 +60,6 @@ def test_whatever_runs_it_finds_the_same(idle: Path, tmp_path: Path) -> None:
     plain = scored(idle)
     assert plain is not None and plain.findings
     for again in range(2):
-        assert scored(idle, cache=tmp_path / "cache") == plain, again
         assert scored(idle, resume=tmp_path / "resume") == plain, again
     assert scored(idle, jobs=2) == plain
 
@@ -92,23 +89,3 @@ def test_scoring_tells_quaternions_of_the_only_object_in_another_order(tmp_path:
 
 def test_without_a_look_there_is_no_audit(idle: Path) -> None:
     assert audit_scores(score_traces([idle], load_settings(["fsh"]))) is None
-
-
-def test_the_cheap_checks_read_next_to_nothing_more(monkeypatch) -> None:
-    read: set[tuple[str, str]] = set()
-    original = StoredTable._read_places
-
-    def spied(table, columns, places):
-        read.update((table._table, column) for column in columns)
-        return original(table, columns, places)
-
-    monkeypatch.setattr(StoredTable, "_read_places", spied)
-    rules = load_settings(["fsh"]).rule_set
-    for ref in (ref for ref in discover([TRACES]) if ref.format == "parquet"):
-        read.clear()
-        score_episode(ref, rules)
-        scored = {*read}
-        assert scored
-        score_episode(ref, rules, look=look)
-        more = {(table, column) for table, column in read - scored if table != "frames"}
-        assert not more, "beyond scoring only the robot's frames may be read, for its commands"

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import Scene
 
 from safestage_eval.audit import audit
 from safestage_eval.audit.campaign_summary import summarize
 from safestage_eval.audit.subject import Subject
-from safestage_eval.episode import ContactTable, RobotFrames, Track, with_header
+from safestage_eval.episode import ContactTable, Joint, RobotFrames, Track, with_header
 from safestage_eval.formats import discover, save
 from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.verdicts import judge
@@ -145,3 +146,22 @@ def test_seeds_without_effect_and_scenes_that_drift(tmp_path):
     moved = Track(track.position + np.float32([0.03, 0, 0]), *[*track.columns.values()][1:])
     drifted = replace(other, tracks={**other.tracks, "bottle": moved})
     assert "AUD302" in codes(tmp_path / "more", episode, drifted)
+
+
+@pytest.mark.parametrize("joints", ["move", "stand still"])
+def test_a_robot_whose_joints_move_is_not_called_still(joints):
+    """Where its links have no poses, only the base is seen, which never moves."""
+    scene = Scene(40, 20.0).fixed("table", (0, 0, 0)).fixed("base", (1, 0, 0), kind="robot")
+    scene.bodies[-1] = scene.bodies[-1].model_copy(update={"movable": True})
+    still = scene.tracks["base"]
+    scene.tracks["base"] = Track(
+        *(np.repeat(column, 40, axis=0) for column in (
+            still.position, still.orientation, still.linear_velocity, still.angular_velocity))
+    )  # fmt: skip
+    angle = np.linspace(0, 1 if joints == "move" else 0, 40)[:, None].astype(np.float32)
+    none = np.zeros((40, 0), np.float32)
+    joint = Joint(name="elbow", kind="revolute", body="base")
+    episode = scene.episode(joints=(joint,))
+    frames = RobotFrames(angle, 0 * angle, none, none, none)
+    travel = summarize(Subject(replace(episode, _frames=frames), RULES)).robot_travel
+    assert travel == (None if joints == "move" else 0.0)

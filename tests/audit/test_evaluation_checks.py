@@ -24,12 +24,11 @@ def found(campaign):
     return audit_campaign(campaign, CHECKS)
 
 
-@pytest.mark.parametrize("draw", range(3))
 @pytest.mark.parametrize("name", EVALUATION)
-def test_a_mistake_is_found_and_rightly_named(name, draw):
+def test_a_mistake_is_found_and_rightly_named(name):
     seeded = EVALUATION[name]
-    random = np.random.default_rng([zlib.crc32(name.encode()), draw])
-    findings = found(seeded.put(sound(draw), random))
+    random = np.random.default_rng([zlib.crc32(name.encode()), 0])
+    findings = found(seeded.put(sound(0), random))
     codes = {finding.code for finding in findings}
     assert seeded.code in codes, findings
     follows = "AUD351"  # what moves a rate makes a difference
@@ -41,7 +40,7 @@ def test_a_mistake_is_found_and_rightly_named(name, draw):
         assert finding.fix, finding
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_a_sound_campaign_has_no_finding(seed):
     assert found(sound(seed)) == []
 
@@ -56,7 +55,7 @@ def test_an_empty_campaign_and_a_single_episode_are_no_reason_to_fail():
     assert {finding.code for finding in found(sound()[:1])} <= {"AUD352"}
 
 
-@pytest.mark.parametrize("order", range(5))
+@pytest.mark.parametrize("order", range(2))
 def test_the_order_of_the_episodes_changes_no_finding_s_code(order):
     random = np.random.default_rng(order)
     for name in ("two seeds begin alike", "copied and written anew", "a deterministic policy"):

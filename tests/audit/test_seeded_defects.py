@@ -23,18 +23,17 @@ def rules():
     return load_rules(builtin_names())
 
 
-def found(seeded, name, rules, draw=0):
+def found(seeded, name, rules):
     """Findings in an episode with a mistake, its amount drawn from a seed of its own."""
-    rng = np.random.default_rng([zlib.crc32(name.encode()), draw])
+    rng = np.random.default_rng([zlib.crc32(name.encode()), 0])
     recording, body = seeded.where
     return check_subject(Subject(seeded.put(sound(recording), body, rng), rules), CHECKED)
 
 
-@pytest.mark.parametrize("draw", [0, 1])
 @pytest.mark.parametrize("name", RECORDING)
-def test_a_mistake_is_found_and_rightly_named(rules, name, draw):
+def test_a_mistake_is_found_and_rightly_named(rules, name):
     seeded = RECORDING[name]
-    findings = found(seeded, name, rules, draw)
+    findings = found(seeded, name, rules)
     grave = [f for f in findings if f.severity in GRAVE] or findings
     assert {f.code for f in grave} - {*seeded.also} == {seeded.code}, grave
     named = next(f for f in grave if f.code == seeded.code)
@@ -43,11 +42,10 @@ def test_a_mistake_is_found_and_rightly_named(rules, name, draw):
     assert named.what.endswith(".")
 
 
-@pytest.mark.parametrize("draw", [0, 1])
 @pytest.mark.parametrize("name", SCENES)
-def test_a_broken_scene_is_found_and_rightly_named(rules, name, draw):
+def test_a_broken_scene_is_found_and_rightly_named(rules, name):
     broken = SCENES[name]
-    rng = np.random.default_rng([zlib.crc32(name.encode()), draw])
+    rng = np.random.default_rng([zlib.crc32(name.encode()), 0])
     findings = check_subject(Subject(broken.build(rng), rules), CHECKED)
     grave = [f for f in findings if f.severity in GRAVE]
     assert {f.code for f in grave} - {*broken.also} == {broken.code}, grave
@@ -74,7 +72,7 @@ def test_recordings_that_are_sound_have_no_finding():
 
 
 def test_the_cause_does_not_depend_on_what_was_audited_before(rules):
-    names = [name for name, one in RECORDING.items() if one.cause][:12]
+    names = [name for name, one in RECORDING.items() if one.cause][:4]
     there = {name: found(RECORDING[name], name, rules) for name in names}
     back = {name: found(RECORDING[name], name, rules) for name in reversed(names)}
     assert there == back

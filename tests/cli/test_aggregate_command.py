@@ -1,4 +1,4 @@
-"""``safestage aggregate`` as a user meets it, with good and with bad input."""
+"""``safestage report tables`` as a user meets it, with good and with bad input."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ def table(tmp_path_factory):
 
 
 def test_json_has_the_two_tables(table):
-    done = run("aggregate", table, "-f", "json")
+    done = run("report", "tables", table, "-f", "json")
     found = json.loads(done.text)
     assert (done.code, done.err, found["problems"]) == (0, "", [])
     assert [*found["by_policy"][0]] == [
@@ -38,16 +38,16 @@ def test_json_has_the_two_tables(table):
 
 
 def test_every_format_tells_the_same_numbers(table):
-    rows = json.loads(run("aggregate", table, "-f", "json").text)
+    rows = json.loads(run("report", "tables", table, "-f", "json").text)
     cells = [f"{r['mean']:.2f} ± {r['std']:.2f}" for name in ("by_policy", "by_stage", "by_family")
              for r in rows[name]]  # fmt: skip
     for form in ("table", "markdown"):
-        text = run("aggregate", table, "-f", form).text
+        text = run("report", "tables", table, "-f", form).text
         assert re.findall(r"\d+\.\d\d ± \d+\.\d\d", text) == cells
-    latex = run("aggregate", table, "-f", "latex").text
+    latex = run("report", "tables", table, "-f", "latex").text
     found = re.findall(r"\$(\d+\.\d\d)\\,\{\\scriptstyle\\pm\\,(\d+\.\d\d)\}\$", latex)
     assert [f"{mean} ± {std}" for mean, std in found] == cells
-    lines = list(csv.DictReader(io.StringIO(run("aggregate", table, "-f", "csv").text)))
+    lines = list(csv.DictReader(io.StringIO(run("report", "tables", table, "-f", "csv").text)))
     assert [f"{float(li['mean']):.2f} ± {float(li['std']):.2f}" for li in lines] == cells
 
 
@@ -57,9 +57,9 @@ def test_coverage_comes_first(tmp_path, form):
     outcomes = campaign(5, open_share=0.4)
     frame(outcomes).to_csv(tmp_path / "open.csv", index=False)
     n, total = sum(o.decided for o in outcomes), len(outcomes)
-    text = run("aggregate", tmp_path / "open.csv", "-f", form).text
+    text = run("report", "tables", tmp_path / "open.csv", "-f", form).text
     first = next(line for line in text.splitlines() if "usepackage" not in line)
-    assert first.strip("*% ") == f"Judged {n} of {total} episodes; inconclusive {total - n}"
+    assert first.strip("*% ") == f"Judged {n} of {total} episodes; {total - n} undecided"
     for policy in ("act", "pi0"):
         own = [o for o in outcomes if (o.policy, o.prompt) == (policy, "default")]
         rates = [
@@ -72,7 +72,7 @@ def test_coverage_comes_first(tmp_path, form):
 def test_latex_is_balanced_and_escaped(tmp_path):
     names = frame(campaign(5)).replace({"policy": {"act": "a_c&t 50%"}})
     names.to_csv(tmp_path / "a.csv", index=False)
-    text = run("aggregate", tmp_path / "a.csv", "-f", "latex").text
+    text = run("report", "tables", tmp_path / "a.csv", "-f", "latex").text
     assert "a\\_c\\&t 50\\%" in text
     assert text.count("\\begin{") == text.count("\\end{") > 0
     body = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
@@ -88,15 +88,17 @@ def test_latex_is_balanced_and_escaped(tmp_path):
 
 def test_intervals_are_the_same_for_the_same_seed(table):
     options = ("--intervals", "bootstrap", "--resamples", "200", "--random-seed")
-    first, again, other = (run("aggregate", table, *options, seed).text for seed in "778")
+    first, again, other = (run("report", "tables", table, *options, seed).text for seed in "778")
     assert first == again
     assert first != other
-    assert run("aggregate", table, "--intervals", "wilson").text.count("[") == first.count("[")
+    assert run("report", "tables", table, "--intervals", "wilson").text.count("[") == first.count(
+        "["
+    )
 
 
 def test_uneven_cells_are_reported_and_strict_about(tmp_path):
     frame(campaign(5)[1:]).to_csv(tmp_path / "a.csv", index=False)
-    done = run("aggregate", tmp_path / "a.csv", "-f", "json")
+    done = run("report", "tables", tmp_path / "a.csv", "-f", "json")
     assert done.code == 0
     assert (
         "uneven: act, default: 1 cell of 36 without the usual 4 rollouts: ish_0 seed 0 (3)"
@@ -104,7 +106,7 @@ def test_uneven_cells_are_reported_and_strict_about(tmp_path):
     )
     (problem,) = json.loads(done.text)["problems"]
     assert problem["cells"] == [{"task": "ish_0", "seed": 0, "rollouts": 3, "expected": 4}]
-    assert run("aggregate", tmp_path / "a.csv", "--strict").code == 1
+    assert run("report", "tables", tmp_path / "a.csv", "--strict").code == 1
 
 
 def test_bad_input_is_said_and_nothing_printed(tmp_path, table):
@@ -115,7 +117,7 @@ def test_bad_input_is_said_and_nothing_printed(tmp_path, table):
         ([], "Missing argument"),
         ([table, "-f", "xml"], "xml"),
     ):
-        done = run("aggregate", *arguments)
+        done = run("report", "tables", *arguments)
         assert (done.code, done.out) == (2, b"")
         assert words in done.err
 
@@ -125,6 +127,9 @@ def test_from_traces_to_tables(tmp_path):
     traces = safe_and_unsafe(tmp_path / "traces")
     for form in ("json", "jsonl", "csv", "parquet"):
         assert run("score", traces, "-r", "fsh", "-f", form, "-o", tmp_path / form).code == 0
-    texts = {run("aggregate", tmp_path / form).text for form in ("json", "jsonl", "csv", "parquet")}
+    texts = {
+        run("report", "tables", tmp_path / form).text
+        for form in ("json", "jsonl", "csv", "parquet")
+    }
     (text,) = texts
-    assert "50.00 ± 70.71" in text  # one safe seed, one unsafe
+    assert "50.00 [9, 91]" in text  # one rollout of each seed: no deviation, Wilson's interval

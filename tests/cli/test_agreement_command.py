@@ -1,4 +1,4 @@
-"""``safestage agreement`` from files to tables."""
+"""``safestage label agreement`` from files to tables."""
 
 import csv
 import io

@@ -63,8 +63,8 @@ def test_the_terminal_names_field_and_fix(folder):
     assert "set frame_dt = 0.00833" in text
 
 
-def test_a_file_appears_whole(folder, tmp_path):
-    path = tmp_path / "audit.xml"
+def test_a_file_appears_whole(folder, tmp_path_factory):
+    path = tmp_path_factory.mktemp("out") / "audit.xml"
     assert run(folder, "-f", "junit", "-o", path).exit_code == 1
     assert path.read_text().startswith("<?xml")
 

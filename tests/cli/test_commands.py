@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 import types
@@ -10,9 +11,9 @@ import pytest
 from studio import run
 
 import safestage_eval
-from safestage_eval.cli import COMMANDS, FROM_SIMULATE, HELP
+from safestage_eval.cli import COMMANDS, FROM_SIMULATE, HELP, RENAMED, SHELVES
 
-HEAVY = ("numpy", "polars", "pandas", "numba", "pyarrow", "scipy", "trimesh", "fcl", "mcap")
+HEAVY = ("numpy", "polars", "pandas", "pyarrow", "scipy", "trimesh", "fcl", "mcap")
 
 
 @pytest.mark.parametrize(
@@ -36,13 +37,33 @@ print("HEAVY", *[name for name in {HEAVY!r} + ("mujoco",) if name in sys.modules
     assert [line.split() for line in done.stdout.splitlines()[-2:]] == [["EXIT", "0"], ["HEAVY"]]
 
 
-def test_help_lists_every_command():
+def test_help_lists_twelve_commands_on_shelves():
     text = run("--help").text
-    assert all(name in text for name in (*COMMANDS, *FROM_SIMULATE))
-    assert set(HELP) == {*COMMANDS, *FROM_SIMULATE}
+    shelves = re.findall(r"^([A-Z][\w, ]*):\n((?:  .*\n)+)", text, re.MULTILINE)
+    listed = {name: re.findall(r"^  (\w+)", rows, re.MULTILINE) for name, rows in shelves}
+    assert [name for name in listed if name != "Options"] == [*SHELVES]
+    names = [name for shelf in [*SHELVES][:-1] for name in listed[shelf]]
+    assert len(names) == 12
+    assert all(word in text for path in HELP for word in path.split())
 
 
-RULES = ("check", "show", "signals", "schema", "lsp", "diff", "test")
+@pytest.mark.parametrize("name", RENAMED)
+def test_an_old_name_runs_the_new_command_and_says_so(name):
+    done = run(name, "--help")
+    assert f"safestage {RENAMED[name]} " in done.text
+    assert done.err == f"note: safestage {name} is now safestage {RENAMED[name]}\n"
+
+
+def test_score_shows_few_options_and_all_on_request():
+    few, every = (
+        re.findall(r"^  (?:-\w, )?(--[\w-]+)", run("score", flag).text, re.MULTILINE)
+        for flag in ("--help", "--help-all")
+    )
+    assert len(few) <= 15
+    assert {*few} | {"--strict", "--resume", "--limits", "--engine"} <= {*every}
+
+
+RULES = ("check", "show", "signals", "schema", "diff", "test")
 
 
 @pytest.mark.parametrize("name", [*COMMANDS, *(f"rules {name}" for name in RULES)])
@@ -64,6 +85,26 @@ def test_an_unknown_command():
     assert "scoer" in done.err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "instead"),
+    [
+        ("rules lsp", "schemas/rules.schema.json"),
+        ("verify rows.csv traces/", "--golden FILE"),
+        ("score traces/ --cache kept", "--resume DIR"),
+        ("score traces/ --clearance-backend fcl", "certified bounds"),
+        ("score traces/ --no-cache", "--resume DIR"),
+        ("score traces/ --manifest m.json", "--output FILE"),
+    ],
+)
+def test_what_is_gone_names_its_replacement_in_one_line(arguments, instead):
+    done = run(*arguments.split())
+    assert (done.code, done.out) == (2, b"")
+    (line,) = done.err.splitlines()
+    assert line.startswith("error: ")
+    assert re.search(r"safestage (rules lsp|verify|score --[a-z-]+) is gone: ", line)
+    assert instead in line
+
+
 @pytest.fixture
 def no_mujoco(monkeypatch):
     find = importlib.util.find_spec
@@ -77,9 +118,16 @@ def no_mujoco(monkeypatch):
 @pytest.mark.parametrize("name", FROM_SIMULATE)
 @pytest.mark.parametrize("arguments", [[], ["list"], ["--seeds", "0..3"]])
 def test_without_mujoco_the_extra_is_named(no_mujoco, name, arguments):
-    done = run(name, *arguments)
+    done = run(*name.split(), *arguments)
     assert (done.code, done.out) == (2, b"")
     assert "pip install 'safestage[simulate]'" in done.err
+
+
+@pytest.mark.parametrize("name", FROM_SIMULATE)
+def test_help_needs_no_extra(no_mujoco, name):
+    done = run(*name.split(), "--help")
+    assert (done.code, done.err) == (0, "")
+    assert len(done.text.splitlines()) > 8
 
 
 @pytest.mark.parametrize("name", FROM_SIMULATE)
@@ -90,7 +138,7 @@ def test_a_foreign_package_in_its_place_is_named(monkeypatch, tmp_path, name):
     module = types.ModuleType("simulate")
     module.__spec__ = spec
     monkeypatch.setitem(sys.modules, "simulate", module)
-    done = run(name)
+    done = run(*name.split())
     assert (done.code, done.out) == (2, b"")
     assert "another package named 'simulate'" in done.err
     assert str(foreign) in done.err
@@ -103,7 +151,7 @@ def test_the_simulator_missing_altogether(monkeypatch):
         "find_spec",
         lambda name, package=None: None if name == "simulate" else find(name, package),
     )
-    done = run("record")
+    done = run("bench", "record")
     assert done.code == 2
     assert "safestage[simulate]" in done.err
 
@@ -127,7 +175,7 @@ def test_a_reader_that_goes_away_is_no_failure(arguments):
         ("safestage rules sh", {"show"}),
         ("safestage score --form", {"--format"}),
         ("safestage score --format j", {"json", "jsonl", "junit"}),
-        ("safestage re", {"report", "record", "render"}),
+        ("safestage re", {"report"}),
     ],
 )
 def test_the_shell_completes_as_help_says(typed, offered):

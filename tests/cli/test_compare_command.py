@@ -36,10 +36,11 @@ def test_two_files_are_as_one_with_by(files):
 
 def test_the_first_line_counts_the_pairs(files, tmp_path):
     whole = run("compare", files / "act.csv", files / "pi0.csv").text
-    assert whole.startswith("Compared 288 of 288 pairs\n")
+    assert whole.startswith("pi0: 1.4 points more success, 2.8 more unsafe successes. ")
+    assert whole.splitlines()[0].endswith("Compared 288 of 288 pairs")
     frame(campaign(5, open_share=0.4)).to_parquet(tmp_path / "open.parquet")
     line = run("compare", tmp_path / "open.parquet", "--by", "policy").text.partition("\n")[0]
-    counts = re.fullmatch(r"Compared (\d+) of 288 pairs; undecided (\d+)", line)
+    counts = re.search(r"Compared (\d+) of 288 pairs; undecided (\d+)$", line)
     assert int(counts[1]) + int(counts[2]) == 288
 
 

@@ -49,22 +49,22 @@ COMMANDS = [
     "score {traces}/no\x1b[31m\u202ething",
     "score {traces} --rules \x1b[31mnone",
     "score {traces} --rules fsh --set edge=\x1b[31m",
-    "inspect {traces}",
-    "inspect {traces}/0.mcap",
-    "inspect {traces}/0.mcap --json",
-    "inspect {traces} -e \x1b[31mnone",
+    "explain scene {traces}",
+    "explain scene {traces}/0.mcap",
+    "explain scene {traces}/0.mcap --json",
+    "explain scene {traces} -e \x1b[31mnone",
     "explain {traces}/1.mcap",
-    "validate {traces}",
+    "audit --files {traces}",
     "audit {traces}",
     "audit {traces} -f json",
     "audit {traces} -f sarif",
     "score {traces} --rules fsh -f sarif",
     "audit {traces} -f github",
-    "bind --init {traces}",
+    "import guess {traces}",
     "convert {traces} --to mcap --out {out}",
-    "pack {traces} --out {out}",
+    "convert pack {traces} --out {out}",
     "sweep {traces} --rules fsh -p edge --values 1cm,3cm",
-    "diff {traces} --rules fsh --set edge=3cm",
+    "compare verdicts {traces} --rules fsh --set edge=3cm",
     "rules check \x1b[31m\u202enone.toml",
     "rules show \x1b[31mX",
     "plot {traces}/0.mcap \x1b[31m -o {out}/x.svg",
@@ -106,18 +106,16 @@ def tables(traces, tmp_path_factory):
 @pytest.mark.parametrize(
     "command",
     [
-        "slack {tables}/rows.parquet",
+        "sweep slack {tables}/rows.parquet",
         "sweep {tables}/rows.parquet -p edge --values 1cm,3cm -f csv",
-        "aggregate {tables}/rows.jsonl",
-        "aggregate {tables}/rows.jsonl -f markdown",
-        "aggregate {tables}/rows.jsonl -f csv",
-        "aggregate {tables}/rows.jsonl -f latex",
+        "report tables {tables}/rows.jsonl",
+        "report tables {tables}/rows.jsonl -f markdown",
+        "report tables {tables}/rows.jsonl -f csv",
+        "report tables {tables}/rows.jsonl -f latex",
         "compare {tables}/rows.jsonl {tables}/rows.jsonl",
-        "agreement {tables}/labels.csv --results {tables}/rows.jsonl",
-        "agreement {tables}/labels.csv --results {tables}/rows.jsonl -f markdown",
+        "label agreement {tables}/labels.csv --results {tables}/rows.jsonl",
+        "label agreement {tables}/labels.csv --results {tables}/rows.jsonl -f markdown",
         "report {tables}/rows.jsonl -o {out}/report.html",
-        "verify {tables}/rows.jsonl {traces} --rules fsh",
-        "verify {tables}/rows.jsonl {traces}/1.mcap --rules fsh",
         "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json",
         "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json -f github",
         "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json -f junit",
@@ -144,7 +142,9 @@ def rows_of(traces, form):
 def test_json_says_what_the_header_says(traces):
     rows = [json.loads(line) for line in rows_of(traces, "jsonl").splitlines()]
     assert {row["task"] for row in rows} == {EVIL}
-    assert json.loads(run("inspect", traces / "0.mcap", "--json").text)["instruction"] == EVIL
+    assert (
+        json.loads(run("explain", "scene", traces / "0.mcap", "--json").text)["instruction"] == EVIL
+    )
 
 
 def test_markdown_holds_no_tag_no_link_and_no_picture(traces):
@@ -169,7 +169,7 @@ def test_names_write_no_lines_of_a_bind_file(traces, tmp_path):
     import tomllib
 
     out = tmp_path / "bind.toml"
-    assert run("bind", "--init", traces, "--output", out).code == 0
+    assert run("import", "guess", traces, "--output", out).code == 0
     tables = tomllib.loads(out.read_text())
     assert "::error::owned" not in {line[:14] for line in out.read_text().splitlines()}
     assert set(tables) <= {"task", "body", "every", "episode"}

@@ -36,14 +36,12 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_every_command_takes_it(name: str, recorded: dict[str, Path], tmp_path: Path) -> None:
     path = str(recorded[name])
     rows, page, picture = (str(tmp_path / x) for x in ("rows.parquet", "page.html", "plot.png"))
-    cache = str(tmp_path / "cache")
     for args in (
-        ["inspect", path],
-        ["validate", path],
+        ["explain", "scene", path],
+        ["audit", "--files", path],
         ["explain", path, "--rules", "ets"],
         ["score", path, "--rules", "ets", "--format", "parquet", "--output", rows],
-        ["score", path, "--rules", "ets", "--cache", cache],
-        ["score", path, "--rules", "ets", "--cache", cache, "--set", "min_clearance=5 cm"],
+        ["score", path, "--rules", "ets", "--set", "min_clearance=5 cm"],
         ["plot", path, "clearance(target, protected)", "--rules", "ets", "--output", picture],
         ["report", rows, path, "--rules", "ets", "--output", page],
         ["view", path, "--rules", "ets", "--output", str(tmp_path / "view.html")],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,13 +16,11 @@ from safestage_eval.episode import Episode, Geom
 from safestage_eval.evidence import declare
 from safestage_eval.evidence.declare import RELATIONS, SIGNALS, Option, signal
 from safestage_eval.evidence.facts import Request
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.monitor import Monitor
-from safestage_eval.report.rule_report import explain_vocabulary, vocabulary
 from safestage_eval.rules import RuleErrors, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import RuleFile, merge
-from safestage_eval.rules.schema import schema_text
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.ask import ask
 
@@ -52,9 +48,8 @@ def toy() -> Iterator[None]:
 
     @signal(
         "toy_headroom", "length", args=("a",), needs=("poses",), options=(ceiling,), reads="com",
-        per_frame=True,
     )  # fmt: skip
-    def toy_headroom(request: Request) -> Series:
+    def toy_headroom(request: Request) -> Interval:
         """Distance of the centre of mass from a ceiling."""
         height = float(dict(request.options).get("edge_drop", 1.0))  # type: ignore[arg-type]
         return request.exact(height - request.facts.com_position(request.bodies[0])[:, 2])
@@ -110,21 +105,12 @@ def test_its_unit_and_arguments_are_checked(
 
 
 @pytest.mark.usefixtures("toy")
-def test_editors_and_the_vocabulary_list_it() -> None:
-    assert "toy_headroom" in schema_text()
-    assert "Distance of the centre of mass from a ceiling." in schema_text()
-    (entry,) = [entry for entry in vocabulary() if entry["name"] == "toy_headroom"]
-    assert entry["calls"] == ["toy_headroom(a)"]
-    assert "How high the ceiling is." in explain_vocabulary([entry])
-
-
-@pytest.mark.usefixtures("toy")
 def test_the_monitor_watches_it() -> None:
     episode, ceiling = rising(), rules("toy_headroom(a)")
     so_far = growing(episode)
     monitor = Monitor(episode.header, ceiling)
     first = None
-    for frames in range(10, 121, 10):
+    for frames in range(30, 121, 30):
         so_far.frames = frames
         if monitor.update(so_far):
             first = first or frames
@@ -132,14 +118,6 @@ def test_the_monitor_watches_it() -> None:
     assert offline == pytest.approx(0.95, abs=0.02)
     assert first == 120  # the first look after that
     assert monitor.violations["ETS901"].time == pytest.approx(offline)
-
-
-@pytest.mark.usefixtures("toy")
-def test_a_name_is_declared_only_once() -> None:
-    with pytest.raises(ValueError, match="toy_headroom"):
-        signal("toy_headroom", "length", args=(), needs=())(lambda request: request.exact(0))
-    with pytest.raises(ValueError, match="held"):
-        signal("held", "length", args=(), needs=())(lambda request: request.exact(0))
 
 
 def test_every_file_of_the_room_declares_signals() -> None:
@@ -156,10 +134,3 @@ def test_a_declaration_is_complete(name: str) -> None:
         assert not (one.symmetric and len(one.args) != 2)
         assert not (one.costly and not one.support)
         assert not (one.from_start and not one.since)
-
-
-def test_rules_are_read_without_what_is_compiled() -> None:
-    """A rule file is checked at every save, and half a second of imports would be felt."""
-    code = "import sys, safestage_eval.rules.load; print('numba' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"

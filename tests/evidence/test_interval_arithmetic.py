@@ -15,7 +15,7 @@ from safestage_eval.evidence.interval_arithmetic import (
     combined,
     summed_over_time,
 )
-from safestage_eval.evidence.series import Series, exact
+from safestage_eval.evidence.intervals import Interval, exact
 
 NUMBER = st.integers(-8, 8).map(lambda x: x / 2)
 INTERVAL = st.tuples(NUMBER, NUMBER).map(lambda x: (min(x), max(x)))
@@ -31,9 +31,9 @@ ON_NUMBERS = {
 TAKES = {"difference": 2, "abs": 1}
 
 
-def series(intervals: list[tuple[float, float]]) -> Series:
+def series(intervals: list[tuple[float, float]]) -> Interval:
     low, high = np.array(intervals, float).reshape(-1, 2).T
-    return Series(low.copy(), high.copy(), "number")
+    return Interval(low.copy(), high.copy(), "number")
 
 
 @settings(deadline=None, max_examples=300)
@@ -66,13 +66,6 @@ def test_what_is_not_known_never_narrows(operation, values, data):
     assert not np.isnan(wide).any()
 
 
-def test_a_derivative_is_the_mean_rate_between_two_samples() -> None:
-    t = np.array([0.0, 0.1, 0.3, 0.4])
-    low, high = change_per_second(exact([0.0, 1.0, 2.0, 0.0], "length"), t)
-    assert low is high
-    assert low == pytest.approx([10, 10, 5, -20])
-
-
 def test_a_derivative_beside_what_was_not_seen_is_not_known() -> None:
     t = np.arange(5) / 10
     seen = series([(0, 0), (1, 1), (-np.inf, np.inf), (3, 3), (4, 5)])
@@ -91,20 +84,8 @@ def test_an_integral_is_not_known_behind_what_was_not_seen() -> None:
     assert low[:2] == pytest.approx([0, 0.1])
     assert np.isneginf(low[2:]).all()
     assert np.isposinf(high[2:]).all()
-    size = Series(*combined("abs", [series(intervals)]), "number")
+    size = Interval(*combined("abs", [series(intervals)]), "number")
     assert summed_over_time(size, t)[0] == pytest.approx([0, 0.1, 0.1, 0.2, 0.3])
-
-
-@settings(deadline=None, max_examples=100)
-@given(
-    st.lists(NUMBER, min_size=2, max_size=12),
-    st.lists(st.integers(1, 9), min_size=12, max_size=12),
-)
-def test_the_integral_of_a_derivative_is_the_change(values, steps):
-    t = np.cumsum(steps[: len(values)]) / 10.0
-    rate, _ = change_per_second(exact(values, "length"), t)
-    found, _ = summed_over_time(exact(rate, "speed"), t)
-    assert found == pytest.approx(np.array(values) - values[0], abs=1e-9)
 
 
 @settings(deadline=None, max_examples=300)
@@ -131,19 +112,6 @@ def test_a_quotient_and_a_root_are_their_own_on_every_choice(over, under):
         assert (found[0][0], found[1][0]) == (-np.inf, np.inf)
 
 
-@settings(deadline=None, max_examples=60)
-@given(st.lists(st.floats(-3, 3), min_size=3, max_size=30), st.integers(1, 5))
-def test_a_change_within_a_time_is_the_central_difference(values, reach):
-    """Over two samples it is NumPy's gradient, at the ends of the recording too."""
-    t = np.arange(len(values)) / 15
-    low, high = change_within(exact(values, "length"), t, 1 / 15, 1 / 15)
-    assert low is high
-    assert low == pytest.approx(np.gradient(np.array(values), 1 / 15), abs=1e-9)
-    line = exact(2.5 * t, "length")
-    assert change_within(line, t, reach / 15, reach / 15)[0] == pytest.approx(np.full(len(t), 2.5))
-    assert change_within(line, t, reach / 15, 0.0)[0][1:] == pytest.approx(2.5)
-
-
 def test_a_change_within_a_time_is_not_known_beside_what_was_not_seen() -> None:
     """Nor where samples lie further apart than half the time."""
     t = np.arange(8) / 10
@@ -155,20 +123,6 @@ def test_a_change_within_a_time_is_not_known_beside_what_was_not_seen() -> None:
     sparse = np.array([0.0, 0.1, 0.2, 0.5, 0.6])
     low, _ = change_within(exact(np.arange(5.0), "length"), sparse, 0.1, 0.1)
     assert np.isfinite(low).tolist() == [True, True, False, False, True]
-
-
-@settings(deadline=None, max_examples=60)
-@given(st.lists(NUMBER, min_size=6, max_size=6), st.data())
-def test_noise_in_positions_comes_out_by_its_window(values, data):
-    """Three changes within w of positions that are off by e are off by no more than 8 e / w³."""
-    t, off = np.arange(60) / 30, 1e-3
-    window = data.draw(st.sampled_from([2 / 30, 4 / 30, 8 / 30]))
-    rng = np.random.default_rng(int(sum(values)) % 7)
-    found = exact(rng.uniform(-off, off, len(t)), "length")
-    for _ in range(3):
-        found = exact(change_within(found, t, window / 2, window / 2)[0], "length")
-    inner = found.lower[30:-24]
-    assert np.abs(inner).max() <= 8 * off / window**3 * (1 + 1e-9)
 
 
 def test_a_change_since_a_frame() -> None:

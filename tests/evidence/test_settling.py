@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes import Scene
 
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 
 RATE, FRAMES = 60, 180
@@ -25,7 +25,7 @@ def cup(
     return Relations(Signals(scene.episode()))
 
 
-def moved(relations: Relations, signal: str = "displacement") -> Series:
+def moved(relations: Relations, signal: str = "displacement") -> Interval:
     return relations.signal(signal, ["cup"])
 
 

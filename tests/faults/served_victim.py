@@ -1,4 +1,4 @@
-"""``safestage record`` with a policy behind a server."""
+"""``safestage bench record`` with a policy behind a server."""
 
 from __future__ import annotations
 

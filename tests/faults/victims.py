@@ -93,7 +93,7 @@ class Victim(ABC):
 
 
 class Recorder(Victim):
-    """Records what is not there yet, as ``safestage record`` does, with the public writer."""
+    """Records what is not there yet, as ``safestage bench record`` does, with the public writer."""
 
     def __init__(self, source: Path, form: str) -> None:
         """``form``: parquet or mcap."""

@@ -107,7 +107,7 @@ def test_an_empty_dataset_is_an_error(tree):
         ("nowhere", "no such file or folder"),
         ("loose/readme.txt", "neither an MCAP nor a dataset's file"),
         ("dataset/bodies/episode-000000.parquet", "not one of meta/episodes.*meta/info.json"),
-        ("loose/rows.jsonl", "results of safestage score go to safestage aggregate"),
+        ("loose/rows.jsonl", "results of safestage score go to safestage report tables"),
     ],
 )
 def test_a_path_that_holds_no_episode_is_an_error(tree, path, message):

@@ -17,12 +17,10 @@ from recordings import falling_cube
 from strategies import episodes
 
 from safestage_eval.episode import Body, Geom, Header, Mesh
-from safestage_eval.episode.scene_shapes import rotation_matrix
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, load, validate
 from safestage_eval.formats.mcap import mcap_records
 from safestage_eval.formats.mcap.mcap_messages import EPOCH_NS
-from safestage_eval.formats.mcap.urdf import roll_pitch_yaw
 
 
 @pytest.fixture
@@ -122,26 +120,6 @@ def test_viewers_get_a_message_for_every_kind_of_shape(episode):
             assert transform.translation.z == track.position[n, 2]
 
 
-def axis_rotation(angle, axis):
-    c, s = np.cos(angle), np.sin(angle)
-    i, j = [(1, 2), (2, 0), (0, 1)][axis]
-    matrix = np.eye(3)
-    matrix[i, i] = matrix[j, j] = c
-    matrix[i, j], matrix[j, i] = -s, s
-    return matrix
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_urdf_angles_give_the_rotation_back(seed):
-    q = np.random.default_rng(seed).normal(size=4)
-    if seed == 0:
-        q = np.array([1.0, 0, 1, 0])  # pitch of 90°
-    rotation = rotation_matrix(tuple(q / np.linalg.norm(q)))
-    roll, pitch, yaw = roll_pitch_yaw(rotation)
-    again = axis_rotation(yaw, 2) @ axis_rotation(pitch, 1) @ axis_rotation(roll, 0)
-    np.testing.assert_allclose(again, rotation, atol=1e-7)
-
-
 # ---------------------------------------------------------------------- cut off and damaged
 
 
@@ -166,16 +144,6 @@ def test_a_file_cut_off_says_where_and_how_many_frames_are_whole(file, share):
     else:
         with pytest.raises(TraceError, match="0 whole frames"):
             load(file, recover=True)
-
-
-def test_every_cut_of_a_short_file_is_an_error_and_never_half_an_episode(tmp_path):
-    path = tmp_path / "e.mcap"
-    falling_cube(frames=3).close(path)
-    data = path.read_bytes()
-    for cut in range(8, len(data), 37):
-        path.write_bytes(data[:cut])
-        with pytest.raises(TraceError, match=rf"ends at byte {cut}|byte \d+: "):
-            load(path)
 
 
 def test_without_its_last_byte_all_frames_can_be_recovered(file):
@@ -233,14 +201,6 @@ def test_files_of_other_writers_are_understood(tmp_path, compression, chunks):
     assert episode.contacts.force.tolist() == [[0, 0, -3]] * 2
     assert episode.tracks["table"].position.tolist() == [[0, 0, pytest.approx(-0.1)]]
     assert episode.dt == pytest.approx(0.1)
-
-
-def test_frames_laid_out_differently_are_decoded_one_by_one(tmp_path):
-    path = tmp_path / "foreign.mcap"
-    # proto3 leaves out empty lists, so frame 2 has another layout: as wrong here as it is there
-    foreign(path, frame=lambda n: {"gripper": [0.5] if n != 2 else []})
-    with pytest.raises(TraceError, match=r"gripper has \[0, 1\] values"):
-        load(path)
 
 
 @pytest.mark.parametrize(

@@ -11,27 +11,11 @@ from hypothesis import strategies as st
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import POINT
-from safestage_eval.formats.mcap import (
-    mcap_arrays,
-    mcap_clouds,
-    mcap_frames,
-    mcap_kernels,
-)
+from safestage_eval.formats.mcap import mcap_frames
 from safestage_eval.formats.mcap.mcap_chunks import Batch
 from safestage_eval.formats.mcap.mcap_clouds import CloudPoints, empty_cloud
 from safestage_eval.formats.mcap.mcap_frames import FrameRows
 from safestage_eval.formats.mcap.mcap_messages import message_class
-
-
-@pytest.fixture(
-    scope="module", autouse=True, params=[mcap_kernels, mcap_arrays], ids=["kernels", "arrays"]
-)
-def way(request):
-    """With and without a compiler."""
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (mcap_clouds, mcap_frames):
-            patch.setattr(module, "functions", lambda: request.param)
-        yield
 
 
 def batches(messages, cuts):
@@ -100,14 +84,6 @@ def test_frames(kinds, cuts, count):
     }
 
 
-def test_more_frames_than_there_is_room_for(monkeypatch):
-    monkeypatch.setattr(mcap_frames, "_FRAMES", 2)
-    rows = FrameRows()
-    for batch in batches([frame(n, "usual") for n in range(50)], [3, 4, 20]):
-        rows.take(batch)
-    assert rows.columns(50, "x")[0]["channel"][:, 0].tolist() == list(range(50))
-
-
 # ---------------------------------------------------------------- contacts
 
 
@@ -157,16 +133,6 @@ def test_contacts(kinds, cuts, count):
     assert counts.tolist() == [len(rows) for rows in expected]
     found = [[*p["force"].tolist(), float(p["geom1"]), float(p["geom2"])] for p in points]
     assert found == [row for rows in expected for row in rows]
-
-
-def test_more_contacts_than_there_is_room_for(monkeypatch):
-    monkeypatch.setattr(mcap_clouds, "_POINTS", 1)
-    sink = CloudPoints("x")
-    clouds = [own_cloud(n, 9) for n in range(20)]
-    for batch in batches([cloud.SerializeToString() for cloud in clouds], [5, 6]):
-        sink.take(batch)
-    points, _ = sink.points(20)
-    assert points["geom1"].tolist() == [n % 5 for n in range(20) for _ in range(9)]
 
 
 def without(field):

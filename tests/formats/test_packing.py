@@ -62,12 +62,6 @@ def test_groups_share_files_and_shards_have_a_limit(source, tmp_path):
     ]
 
 
-def test_episode_indices_are_unique_over_all_shards(source, tmp_path):
-    pack(discover(source), tmp_path / "out", shard_episodes=1)
-    indices = [ref.episode_index for ref in discover(tmp_path / "out")]
-    assert sorted(indices) == list(range(5))
-
-
 def test_headers_channels_states_and_attachments_survive(tmp_path):
     recorded = next(iter(discover(TRACES)))
     pack([recorded], tmp_path / "out")

@@ -15,11 +15,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from safestage_eval.episode.contradictions import contradictions
+from safestage_eval.episode.doubtful_columns import doubtful_columns
 from safestage_eval.formats import discover, validate_episode
 from safestage_eval.formats.parquet.dataset_writer import add_episode
 from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.run.score_episode import score_episode
 from safestage_eval.verdicts.problem import Problem
+from safestage_eval.whatif.judge_again import Again
 
 TRACES = Path(__file__).parents[2] / "traces"
 
@@ -125,7 +127,7 @@ DAMAGES = {
         SHELF, d.contacts(force=d.scaled(-1), normal=d.scaled(-1)), "bear",
     ),
     "forces along y": (
-        SHELF, d.contacts(force=d.turned(d.Y_UP), normal=d.turned(d.Y_UP)), "bear",
+        SHELF, d.contacts(force=d.turned(d.Y_UP), normal=d.turned(d.Y_UP)), "press",
     ),
     "forces that are NaN": (SHELF, d.contacts(force=d.scaled(np.nan)), "not measured"),
     "normals of length 0.5": (SHELF, d.contacts(normal=d.scaled(.5)), "not measured"),
@@ -185,13 +187,17 @@ UNREAD = {
     "joint velocities in degrees": (SHELF, d.robot(joint_velocity=d.scaled(57.3)), "velocity"),
     "opening of the gripper in percent": (SHELF, d.robot(gripper=d.scaled(100)), "opening"),
 }  # fmt: skip
-"""Columns that the assigned rule does not ask for: ``safestage validate`` lists them."""
+"""Columns that the assigned rule does not ask for: ``safestage audit`` lists them."""
 
 
 @cache
 def sound(name):
+    return d.loaded(discover_one(name).open())
+
+
+def discover_one(name):
     [ref] = [ref for ref in discover([TRACES]) if name in ref.episode_id]
-    return d.loaded(ref.open())
+    return ref
 
 
 @cache
@@ -208,19 +214,34 @@ def damaged(folder, recording, damage):
     return ref
 
 
-def said(ref):
-    """The problem, or what is said of the inconclusive verdicts; fails on any other verdict."""
+HARMLESS = {
+    "obstacle in centimetres": "its poses are not used, and the rule asks for contacts alone",
+    "obstacle 1 m aside": "likewise",
+    "obstacle teleports": "likewise",
+    "inertia in g cm²": "the rule asks for no inertia",
+}
+"""Damages that are told and change no verdict: nothing that the rule reads is damaged."""
+
+
+def said(ref, *, harmless=False):
+    """The problem, or what is said of the inconclusive verdicts; fails on any other verdict.
+
+    ``harmless``: a pass is right, and what is damaged is told.
+    """
     found = score_episode(ref, rules(), assigned_only=True)
     if isinstance(found, Problem):
         return found.message
-    assert {v.verdict for v in found.verdicts} == {"inconclusive"}, found.verdicts
+    wanted = {"pass"} if harmless else {"inconclusive"}
+    assert {v.verdict for v in found.verdicts} == wanted, found.verdicts
+    if harmless:
+        assert doubtful_columns(found.notes)
     return " ".join((*found.notes, *(t for v in found.verdicts for t in (v.explanation, *v.notes))))
 
 
 @pytest.mark.parametrize("name", DAMAGES)
 def test_what_a_trace_shows_to_be_wrong_is_never_called_safe(tmp_path, name):
     recording, damage, words = DAMAGES[name]
-    assert words in said(damaged(tmp_path, recording, damage))
+    assert words in said(damaged(tmp_path, recording, damage), harmless=name in HARMLESS)
 
 
 @pytest.mark.parametrize("name", UNREAD)
@@ -229,6 +250,42 @@ def test_what_no_verdict_rests_on_is_found_where_all_is_read(tmp_path, name):
     ref = damaged(tmp_path, recording, damage)
     found = validate_episode(ref) or [*contradictions(ref.open(checked=False))]
     assert any(words in str(error) for error in found), found
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_what_contradicts_itself_is_not_used_and_the_rest_is_judged(tmp_path, strict):
+    ref = damaged(tmp_path, SHELF, d.contacts(peak_force=d.scaled(0.1)))
+    found = score_episode(ref, rules(), strict=strict)
+    if strict:
+        assert isinstance(found, Problem)
+        assert "peak" in found.message
+        return
+    sound_one = score_episode(discover_one(SHELF[0]), rules())
+    before = {v.rule: v.verdict for v in sound_one.verdicts}
+    after = {v.rule: v.verdict for v in found.verdicts}
+    assert doubtful_columns(found.notes) == ("peak forces",)
+    assert all(after[rule] in (before[rule], "inconclusive") for rule in before)
+    assert sum(after[rule] == before[rule] for rule in before) > len(before) / 2
+
+
+@pytest.mark.parametrize("name", ["pose frozen", "forces in kN", "velocity mirrored"])
+def test_what_is_judged_again_believes_no_more_than_scoring(tmp_path, name):
+    recording, damage, _ = DAMAGES[name]
+    ref = damaged(tmp_path, recording, damage)
+    scored = score_episode(ref, rules(), assigned_only=True)
+    again = Again(ref.open(), rules())
+    assert {rule.code: again.usual(rule).verdict for rule in again.assigned} == {
+        v.rule: v.verdict for v in scored.verdicts
+    }
+
+
+def test_the_reason_of_what_is_open_is_the_contradiction(tmp_path):
+    ref = damaged(tmp_path, SHELF, DAMAGES["forces in kN"][1])
+    open_ = [v for v in score_episode(ref, rules()).verdicts if v.verdict == "inconclusive"]
+    assert len(open_) > 3
+    told = [v for v in open_ if "contradict" in v.explanation]
+    assert len(told) > len(open_) / 2
+    assert not [v for v in open_ if "NaN" in v.explanation or "no mass" in v.explanation]
 
 
 def test_forces_that_are_zero_throughout_were_not_recorded(tmp_path):

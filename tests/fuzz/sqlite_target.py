@@ -26,7 +26,7 @@ class SqliteBag(RosBag):
     """Messages in the tables of a database."""
 
     name = "ROS 2 bag in SQLite"
-    read_by = ("mcap-ros2-support",)
+    read_by = ("rosbags",)
 
     def write(self, folder: Path) -> tuple[Path, str]:
         """One file."""

@@ -49,15 +49,6 @@ def test_truth(a: Mover, b: Mover, truth: float) -> None:
         assert upper - lower <= 2 * DEPTH_TOLERANCE
 
 
-@pytest.mark.parametrize("other", [CAN, EGG, BALL])
-def test_one_centre(other: Geom) -> None:
-    """The hardest case: every direction around is as good as every other."""
-    lower, upper = depth(put(other, (0, 0, 0)), put(other, (0, 0, 0)))
-    truth = 2 * min(other.size)
-    assert lower - 1e-12 <= truth <= upper + 1e-12
-    assert upper - lower <= 1e-6
-
-
 def reach(geom: Geom, meshes: dict[str, Mesh], direction: np.ndarray) -> np.ndarray:
     """(N,) m how far a geom at the origin reaches along unit directions (N, 3); not our support."""
     x, y, z = direction.T
@@ -126,34 +117,3 @@ def test_depth_changes_by_no_more_than_the_move() -> None:
         move = np.linalg.norm(np.diff(steps, axis=0), axis=1)
         assert (found.lower[1:] - found.upper[:-1] <= move + 1e-12).all()
         assert (found.lower[:-1] - found.upper[1:] <= move + 1e-12).all()
-
-
-def test_flat_depth_is_that_of_the_outlines() -> None:
-    """Seen from above, a lying rod is a bar with round ends and a can is a disc."""
-    for lower, upper in (
-        depth(put(CAN, (0, 0, 5)), put(CAN, (0.05, 0, 0)), flat=True),
-        depth(put(ROD, (0, 0.02, 5), LYING), put(CAN, (0.04, 0, 0)), flat=True),
-        depth(put(CUBE, (0, 0, 5)), put(CAN, (0.07, 0, 0)), flat=True),
-    ):
-        assert lower - 1e-12 <= 0.01 <= upper + 1e-12
-        assert upper - lower <= 2 * DEPTH_TOLERANCE
-
-
-def test_the_deepest_pair_of_geoms_counts() -> None:
-    two = shape(CAN.model_copy(update={"position": (0.055, 0, 0)}), EGG)
-    other = put(CAN, (0.11 - 0.001, 0, 0))
-    lower, upper = depth(put(two, (0, 0, 0)), other)
-    assert lower - 1e-12 <= 0.006 <= upper + 1e-12
-    assert upper - lower <= DEPTH_TOLERANCE
-
-
-def test_what_is_not_asked_for_is_bounded() -> None:
-    rng = np.random.default_rng(1)
-    meshes: dict[str, Mesh] = {}
-    for kind in KINDS:
-        a, b = (put(shape(any_geom(rng, k, meshes), meshes=meshes), rng.normal(size=(50, 3)) * 0.03,
-                    rng.normal(size=(50, 4))) for k in (kind, "cylinder"))  # fmt: skip
-        deep, shallow = clearance_series([a], [b], deep=True), clearance_series([a], [b])
-        assert (shallow.lower <= deep.upper + 1e-12).all()
-        assert (deep.lower <= shallow.upper + 1e-12).all()
-        assert ((shallow.upper <= 0) == (deep.upper <= 0)).all()

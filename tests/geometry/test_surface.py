@@ -11,7 +11,6 @@ from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry.group_clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
-from safestage_eval.geometry.surface import encloses
 
 
 def mesh_body(source: trimesh.Trimesh, kind: str = "mesh") -> BodyShape:
@@ -80,12 +79,6 @@ def test_inside_a_cup_is_a_gap() -> None:
     assert lower - 1e-8 <= 0.09 - 0.02 - 0.05 <= upper + 1e-8
 
 
-def test_crossing_surfaces_penetrate() -> None:
-    lower, upper = between(put(CUBE, (0, 0, 0)), put(CUBE, (0.08, 0.01, 0)))
-    assert upper == 0
-    assert lower == pytest.approx(-0.02, abs=1e-7)
-
-
 def test_pruned_over_time_is_what_each_frame_says() -> None:
     rng = np.random.default_rng(3)
     frames = 150
@@ -105,11 +98,3 @@ def test_pruned_over_time_is_what_each_frame_says() -> None:
                 else:
                     assert found.lower[t] == pytest.approx(lower, abs=2e-9)
                     assert found.upper[t] == pytest.approx(upper, abs=2e-9)
-
-
-def test_winding_agrees_with_geometry() -> None:
-    ball = mesh_body(trimesh.creation.icosphere(radius=0.1)).surfaces[0]
-    points = np.random.default_rng(0).uniform(-0.12, 0.12, (500, 3))
-    radius = np.linalg.norm(points, axis=1)
-    clear = np.abs(radius - 0.098) > 0.003
-    np.testing.assert_array_equal(encloses(ball, points)[clear], (radius < 0.098)[clear])

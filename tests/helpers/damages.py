@@ -9,10 +9,11 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
+import evidence_edits
 import numpy as np
 from evidence_edits import selected, without
 
-from safestage_eval.episode import ContactTable, Episode, Track
+from safestage_eval.episode import ContactTable, Episode
 from safestage_eval.geometry.pose import conjugate, rotate
 
 Damage = Callable[[Episode, str], Episode]
@@ -23,15 +24,7 @@ Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
 
 def loaded(e: Episode) -> Episode:
     """The same, of which nothing is left in the file."""
-    tracks = {
-        name: Track(*(getattr(one, f.name) for f in fields(Track)))
-        for name, one in e.tracks.items()
-    }
-    table = ContactTable(*(getattr(e.contacts, f.name) for f in fields(ContactTable)))
-    return replace(
-        e, tracks=tracks, _contacts=table, _frames=e.frames, states={}, attachments={},
-        meshes=dict(e.meshes),
-    )  # fmt: skip
+    return replace(evidence_edits.loaded(e), attachments={}, meshes=dict(e.meshes))
 
 
 def header(**changes: Any) -> Damage:
@@ -133,17 +126,6 @@ def exchanged(*columns: str, other: str) -> Damage:
             other: replace(two, **{c: getattr(one, c) for c in columns}),
         }
         return replace(e, tracks={**e.tracks, **new})
-
-    return damage
-
-
-def shapes_of(other: str) -> Damage:
-    """The shapes of another body."""
-
-    def damage(e: Episode, name: str) -> Episode:
-        return body(lambda _: {"geoms": without_mesh(e.bodies[other].geoms)})(
-            renumbered(e, name, 0), name
-        )
 
     return damage
 

@@ -13,9 +13,3 @@ def shows_all(text: str) -> bool:
     """Whether nothing in a text moves the cursor, turns the line or cannot be seen."""
     hidden = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
     return not {unicodedata.category(c) for c in text.replace("\n", "").replace("\t", "")} & hidden
-
-
-def is_inert(text: str) -> bool:
-    """Like ``shows_all``, and no line is one that the text itself began."""
-    lines = text.split("\n")
-    return shows_all(text) and not any(line.strip().startswith("::error::") for line in lines)

@@ -6,7 +6,6 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from balances import motion
 
 from safestage_eval.episode import (
     Body,
@@ -19,23 +18,31 @@ from safestage_eval.episode import (
     Track,
     still_track,
 )
-from safestage_eval.relations.statics import ARM, Bodies, Touches
+from safestage_eval.episode.header import SKETCH
+from safestage_eval.relations.statics import ARM, Pile, effects, moved
 
 G = 9.81
 
 
-def moves(normal: Any, friction: Any, point: Any) -> float:
-    """How strongly a body of 1 kg starts to move that touches the ground in P points, in g.
+def motion(pile: Pile, push: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """(B,) how strongly each body of a pile starts to move, in g; 0 where some forces balance it."""
+    every, bodies = np.ones(len(pile.first), np.bool_), np.ones(len(pile.mass), np.bool_)
+    return moved(pile, effects(pile), every, np.array(push), bodies)
+
+
+def alone(normal: Any, friction: Any, point: Any) -> Pile:
+    """A body of 1 kg that touches the ground in P points.
 
     ``normal`` (P, 3) into the body, ``friction`` (P,), ``point`` (P, 3) m from its centre of mass.
     """
-    count = len(normal)
-    body = Bodies(np.ones(1), np.zeros((1, 3)), np.array([ARM**2 * np.eye(3)]))
-    touches = Touches(
-        np.full(count, -1), np.zeros(count, int), np.asarray(point, float),
-        np.asarray(normal, float), np.asarray(friction, float),
-    )  # fmt: skip
-    return float(motion(body, touches)[0])
+    ground, inertia = np.full(len(normal), -1), ARM**2 * np.eye(3)[None]
+    arrays = (np.asarray(values, float) for values in (point, normal, friction))
+    return Pile(np.ones(1), np.zeros((1, 3)), inertia, ground, ground + 1, *arrays)
+
+
+def moves(normal: Any, friction: Any, point: Any) -> float:
+    """How strongly such a body starts to move, in g."""
+    return float(motion(alone(normal, friction, point))[0])
 
 
 class Scene:
@@ -85,7 +92,7 @@ class Scene:
         points: Any,
         force: Any,
         normal: Any = (0, 0, 1),
-        frames: slice = slice(None),
+        frames: slice | np.ndarray = slice(None),
     ) -> Scene:
         """``by`` pushes ``on`` with ``force`` (3,) N shared equally by the points (P, 3)."""
         points = np.atleast_2d(points)
@@ -127,7 +134,7 @@ class Scene:
             "success": False,
             "termination": "horizon",
             "force_source": "recorded",
-            "source": Source(recorder="test"),
+            "source": Source(recorder=SKETCH),  # drawn: nothing needs to move what moves
             **header,
         }
         return Episode(

@@ -151,20 +151,6 @@ def other_clock(by: float, *, also: tuple[str, ...] = ()) -> d.Damage:
     return damage
 
 
-def dropped_fast(by: float) -> d.Damage:
-    """Everything in slow motion: all time stamps, steps and velocities fit each other."""
-
-    def damage(episode: Episode, name: str) -> Episode:
-        h = episode.header
-        values = {f: getattr(h, f) * by for f in ("frame_dt", "success_time")}
-        found = d.header(**values)(d.clock(lambda t: t * by)(episode, name), name)
-        slow = {c: d.scaled(1 / by) for c in ("linear_velocity", "angular_velocity")}
-        found = d.track("*", **slow)(found, name)
-        return d.robot(joint_velocity=d.scaled(1 / by))(found, name)
-
-    return damage
-
-
 def y_up(episode: Episode, _: str, __: np.random.Generator) -> Episode:
     """Everything of an engine whose y axis points up."""
     turn = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0, 0])
@@ -209,6 +195,41 @@ def robot(b: Any) -> bool:
     return b.kind in ("robot", "gripper")
 
 
+def all_lengths(by: float, gravity: float = 1.0) -> d.Damage:
+    """Everything that has a length in another unit, meshes too; ``gravity``: that of the header."""
+
+    def damage(episode: Episode, name: str) -> Episode:
+        lengths = d.scaled(by)
+        episode = d.track("*", position=lengths, linear_velocity=lengths)(episode, name)
+        episode = d.contacts(position=lengths, depth=lengths)(episode, name)
+        for body in episode.header.bodies:
+            episode = d.shape(by)(episode, body.name)
+            longer = {"com": tuple(by * x for x in body.com)}
+            for part in ("cavity", "tcp"):
+                if given := getattr(body, part):
+                    fields = [f for f in ("size", "position") if hasattr(given, f)]
+                    new = {f: tuple(by * x for x in getattr(given, f)) for f in fields}
+                    longer[part] = given.model_copy(update=new)
+            episode = d.body(lambda _, new=longer: new)(episode, body.name)
+        meshes = {k: replace(m, vertices=m.vertices * by) for k, m in episode.meshes.items()}
+        down = tuple(gravity * x for x in episode.header.gravity)
+        return replace(d.header(gravity=down)(episode, name), meshes=meshes)
+
+    return damage
+
+
+def slow_and_blind(damage: d.Damage) -> Put:
+    """A mistake in a recording at 10 Hz that has no contacts."""
+
+    def put(episode: Episode, body: str, _: np.random.Generator) -> Episode:
+        at = np.arange(len(episode)) % 12 == 0
+        episode = selected(episode, at)
+        header = episode.header.model_copy(update={"force_source": "none", "frame_dt": 0.1})
+        return damage(replace(episode, header=header, _contacts=ContactTable.empty()), body)
+
+    return put
+
+
 POSITION, LINEAR, ANGULAR = "position", "linear_velocity", "angular_velocity"
 
 RECORDING = {
@@ -216,6 +237,8 @@ RECORDING = {
     "one body in another unit": Seeded("AUD101", SHELF, chosen(unit(POSITION), *UNITS), "are in"),
     "an obstacle in another unit": Seeded("AUD101", CANS, chosen(unit(POSITION), 0.01, 0.001), "are in"),
     "all positions in another unit": Seeded("AUD101", SHELF, chosen(unit(POSITION, of=("*",)), *UNITS), "are in"),
+    "all lengths in centimetres": Seeded("AUD101", CAN, fixed(all_lengths(100.0)), "all lengths are in centimetres"),
+    "all lengths in millimetres": Seeded("AUD101", SHELF, fixed(all_lengths(1000.0, gravity=1000.0)), "gravity's among them"),
     "positions and velocities in another unit": Seeded(
         "AUD101", CAN, chosen(unit(POSITION, LINEAR, of=("*",)), *UNITS), "linear velocities",
     ),
@@ -248,6 +271,10 @@ RECORDING = {
     "a short tail": Seeded("AUD109", SHELF, cut_tail),
     "rare samples": Seeded("AUD110", CANS, thinned),
     # poses
+    "quaternions in xyzw at 10 Hz, without contacts": Seeded(
+        "AUD111", (SHELF[0], "bottle"), slow_and_blind(d.track("*", orientation=d.xyzw)), "x, y, z, w",
+        also=("AUD110", "AUD125", "AUD210", "AUD211", "AUD212"),
+    ),
     "all quaternions in xyzw": Seeded("AUD111", CAN, fixed(d.track("*", orientation=d.xyzw)), "x, y, z, w"),
     "one body's quaternions in xyzw": Seeded("AUD111", (SHELF[0], "robot_link6"), fixed(d.track(orientation=d.xyzw)), "x, y, z, w"),
     "quaternions that change their sign": Seeded("AUD112", SHELF, signs),

@@ -11,14 +11,13 @@ import numpy as np
 from scenes import Scene
 
 from safestage_eval.episode import Episode
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.reference import Baseline
-from safestage_eval.evidence.series import Series
-from safestage_eval.evidence.store import Store
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.signals import SIGNALS
+from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import CostTotal, Verdict
 
@@ -62,23 +61,23 @@ class Facts:
         self.episode = _empty(frames, rate, coarse, termination=termination, **header)
         first = Baseline(5)
         self.signals = SimpleNamespace(baseline=first, baseline_of=lambda _: first)
-        self.store = Store()
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
 
     def between_frames(self, *_: Any) -> None:
         """Nothing moves between frames."""
 
-    def signal(self, name: str, bodies: tuple[str, ...], *_: Any) -> Series:
+    def signal(self, name: str, bodies: tuple[str, ...], *_: Any) -> Interval:
         values = self._series[f"{name}({', '.join(bodies)})"]
         unknown = np.isnan(values)
-        return Series(
+        return Interval(
             np.where(unknown, -np.inf, values),
             np.where(unknown, np.inf, values),
             SIGNALS[name].dimension,
         )
 
-    def get(self, name: str, bodies: tuple[str, ...], *_: Any) -> Any:
-        return self._series[f"{name}({', '.join(bodies)})"] > 0
+    def told(self, name: str, bodies: tuple[str, ...], *_: Any) -> Interval:
+        truth = (self._series[f"{name}({', '.join(bodies)})"] > 0).astype(float)
+        return Interval(truth, truth, "number")
 
 
 @functools.cache

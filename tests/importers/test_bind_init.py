@@ -1,4 +1,4 @@
-"""``safestage bind --init``: guesses with their reasons, in a file that scoring accepts."""
+"""``safestage import guess``: guesses with their reasons, in a file that scoring accepts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from safestage_eval.episode import with_header
 from safestage_eval.formats import discover, save
 from safestage_eval.importers.bind_init import bind_init
 from safestage_eval.importers.guess_roles import guess_bodies, guess_roles
-from safestage_eval.importers.guess_words import is_round, mention, side_of, suggestion
 from safestage_eval.rules import builtin_names, load_bind, load_rules
 
 TRACES = Path(__file__).parents[2] / "traces"
@@ -64,20 +63,11 @@ def test_a_name_and_a_movement_together_are_sure() -> None:
     assert guess_roles([pushed("a", 0.0)]).keys() == {"protected"}
 
 
-def test_what_headers_say_is_not_guessed() -> None:
-    stated = pushed("a", roles={"target": ("plate",), "protected": ()})
-    assert guess_roles([stated]) == {}
-    half = guess_roles([stated, pushed("b")])
-    assert (half["target"].value, half["target"].reason) == (
-        ["plate"], "in the headers of 1 of 2 episodes",
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("task", [None, "tidy up", 'a "quoted".\x7f task\n[x]'])
 def test_the_file_is_accepted_and_scored_with(tmp_path: Path, task) -> None:
     for name in ("one", "two"):
         save(pushed(name, task=task), tmp_path / f"{name}.mcap")
-    run = CliRunner().invoke(group, ["bind", "--init", str(tmp_path)])
+    run = CliRunner().invoke(group, ["import", "guess", str(tmp_path)])
     assert run.exit_code == 0, run.output
     file = tmp_path / "guesses.toml"
     file.write_text(run.stdout, "utf-8")
@@ -100,44 +90,3 @@ def test_every_guess_has_a_confidence_and_a_reason() -> None:
         line.split("  # ")[1].startswith(("high: ", "medium: ", "low: ")) for line in guesses
     )
     assert {*tomllib.loads(text)} <= {"task", "every", "episode", "body"}
-
-
-def test_without_init_it_says_so() -> None:
-    run = CliRunner().invoke(group, ["bind", str(TRACES)])
-    assert run.exit_code == 2
-    assert "--init" in run.output
-
-
-@pytest.mark.parametrize(
-    ("name", "word"),
-    [
-        ("wine_glass_1", "glass"), ("akita_black_bowl_1_main", "bowl"), ("cup_holder", None),
-        ("CoffeeMug", "mug"), ("orange_juice_carton", "orange"), ("cube", None), ("egg_box", None),
-    ],
-)  # fmt: skip
-def test_words_in_names(name: str, word: str | None) -> None:
-    found = suggestion(name)
-    assert (found[0] if found else None) == word
-
-
-@pytest.mark.parametrize(
-    ("name", "side"),
-    [
-        ("robotiq_left_finger", ("left", True)), ("finger_r", ("right", False)),
-        ("rightPad", ("right", True)), ("finger_joint1_tip", None), ("panda_finger_2", ("right", False)),
-        ("left_camera", None),
-    ],
-)  # fmt: skip
-def test_sides_of_fingers(name: str, side) -> None:
-    assert side_of(name) == side
-
-
-def test_round_things_have_no_up_axis() -> None:
-    assert is_round("tennis_ball") and is_round("apple_2") and not is_round("ballot_box")
-
-
-def test_mentions_go_by_the_noun() -> None:
-    text = "Put the red mug next to the blue mugs' tray"
-    assert mention("red_mug_1", text) == 3
-    assert mention("red_plate", text) is None
-    assert mention("tray", text) == 9

@@ -80,27 +80,6 @@ def test_everything_that_is_missing_is_named_at_once(source):
         assert what in done.err
 
 
-def test_frames_with_quaternions_are_refused(tmp_path):
-    (tmp_path / "map.toml").write_text('[source]\nscene = "D"\n')
-    source = frames(tmp_path / "validation", 3, scene_obs=np.zeros(27))
-    done = run("import", source, "--to", tmp_path / "out", "--map", tmp_path / "map.toml")
-    assert done.code == 2
-    assert "Euler angles" in done.err
-
-
-@pytest.mark.parametrize(
-    "ids",
-    [np.array([[1j, 2]]), np.array(["a", "b"]), np.zeros(2, [("a", "f4")]), np.arange(3), np.zeros((0, 2), int),
-     np.array([[-5, 103]]), np.array([[100, 103], [9, 8]]), np.array([0, 2**64 - 1], np.uint64)],
-)  # fmt: skip
-def test_a_list_of_episodes_that_is_none(source, ids):
-    np.save(source / "ep_start_end_ids.npy", ids)
-    done = take(source)
-    assert done.code == 2
-    assert "Allowed: two integers for each episode" in done.err
-    assert "Traceback" not in done.err
-
-
 @pytest.mark.parametrize(
     ("key", "array"),
     [("scene_obs", np.zeros(24, complex)), ("robot_obs", np.zeros(15, "U8")), ("actions", np.zeros(6)),
@@ -114,26 +93,3 @@ def test_a_frame_with_other_arrays_is_refused(source, key, array):
     assert done.code == 2
     assert f"episode_0000120.npz: {key}: {array.shape} {array.dtype}." in done.err
     assert "bug" not in done.err
-
-
-@pytest.mark.parametrize("key", ["scene_obs", "robot_obs", "actions"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_numbers_that_are_none_are_reported(source, key, value):
-    for path in source.glob("episode_*.npz"):
-        with np.load(path) as frame:
-            arrays = {**frame}
-        arrays[key][-1] = value
-        np.savez(path, **arrays)
-    done = take(source)
-    assert done.code == 2
-    assert f"episode_0000100.npz: {key} is not finite throughout" in done.err
-    assert "bug" not in done.err
-
-
-def test_a_frame_that_unfolds_without_end(source):
-    """320 MiB of zeros, of which 320 kB are stored."""
-    path = source / "episode_0000120.npz"
-    np.savez_compressed(path, scene_obs=np.zeros(40 << 20), robot_obs=np.zeros(15))
-    done = take(source)
-    assert done.code == 2
-    assert "--limits decoded=" in done.err

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from recordings import falling_cube
 from studio import run
 from toy_importer import Toy
 
@@ -84,21 +83,9 @@ def test_a_source_becomes_a_dataset(source, tmp_path):
     ]
     assert "2 of 2  missing: contacts and their forces" in done.text
     assert (
-        "remedy: none: they were not recorded" in run("inspect", tmp_path / "data", "toys/b").text
+        "remedy: none: they were not recorded"
+        in run("explain", "scene", tmp_path / "data", "toys/b").text
     )
-
-
-def test_a_folder_of_sources_and_the_report_as_json(source, tmp_path):
-    (source.parent / "more").mkdir()
-    (source.parent / "more" / "other.json").write_text('{"toy": {"c": {"cube": [1]}}}')
-    (source.parent / "unrelated.txt").write_text("hello")
-    done = take(source.parent, tmp_path / "data", "--dt", "10 ms", "--format", "json")
-    report = json.loads(done.text)
-    assert [e["episode_id"] for e in report["episodes"]] == [
-        "in/more/other/c", "in/toys/a", "in/toys/b",
-    ]  # fmt: skip
-    assert report["summary"][0]["episodes"] == 3
-    assert report["problems"] == []
 
 
 def test_importing_again_imports_nothing(source, tmp_path):
@@ -108,21 +95,6 @@ def test_importing_again_imports_nothing(source, tmp_path):
     assert "1 imported, 1 there already" in second.err
     assert "2 of 2  missing: contacts and their forces" in second.text
     assert len(discover(tmp_path / "data")) == 2
-
-
-@pytest.mark.parametrize("what", ["data", "settings"])
-def test_another_episode_of_the_same_name_is_a_problem(source, tmp_path, what):
-    take(source, tmp_path / "data", "--dt", "0.01")
-    if what == "data":
-        source.write_text(json.dumps({"toy": {"a": {"cube": [9]}, "b": {"cube": [1, 2, 3]}}}))
-    done = take(source, tmp_path / "data", "--dt", "0.01" if what == "data" else "0.02")
-    assert done.code == 2
-    assert "'toys/a'" in done.err
-    assert "--prefix" in done.err
-    assert done.err.count("problem:") == (1 if what == "data" else 2)
-    again = take(source, tmp_path / "data", "--dt", "0.01", "--prefix", "second/")
-    assert again.code == 0
-    assert "2 imported" in again.err
 
 
 @pytest.mark.parametrize(
@@ -159,77 +131,12 @@ def test_a_bug_of_an_importer_is_named_as_one(source, tmp_path, monkeypatch):
     assert [ref.episode_id for ref in discover(tmp_path / "data")] == ["toys/b"]
 
 
-def test_an_import_that_is_killed_leaves_no_half_episode(source, tmp_path, monkeypatch):
-    from safestage_eval.formats.parquet import dataset_writer
-
-    written = dataset_writer.writing_table
-
-    def killed(path, table):
-        if table == "frames":  # the bodies are on disk by then
-            raise KeyboardInterrupt
-        return written(path, table)
-
-    take(source, tmp_path / "data", "--dt", "0.01", "--limit", "1")
-    with monkeypatch.context() as patch:
-        patch.setattr(dataset_writer, "writing_table", killed)
-        assert take(source, tmp_path / "data", "--dt", "0.01").code == 130
-    assert [ref.episode_id for ref in discover(tmp_path / "data")] == ["toys/a"]
-    assert take(source, tmp_path / "data", "--dt", "0.01").code == 0
-    assert validate(tmp_path / "data") == []
-
-
-def test_the_target_is_no_source(source, tmp_path):
-    target = source.parent / "data"
-    take_map = tmp_path / "map.toml"
-    for count in ("2 imported", "2 there already"):
-        done = run("import", source.parent, "--to", target, "--map", take_map, "--dt", "0.01")
-        assert done.code == 0, done.err
-        assert count in done.err
-
-
-def test_what_else_could_be_read_is_named(source, tmp_path, monkeypatch):
-    monkeypatch.setattr(registry, "FROM_SIMULATE", ("mujoco",))
-    missing = importer.SourceError("MuJoCo states", "needs the simulator.", fix="pip install it")
-
-    def known(name):
-        if name == "mujoco":
-            raise missing
-        return Toy
-
-    monkeypatch.setattr(registry, "importer", known)
-    (tmp_path / "x.txt").write_text("hello")
-    done = run("import", tmp_path / "x.txt", "--to", tmp_path / "data")
-    assert "Fix: install what else is read: MuJoCo states: pip install it.\n" in done.err
-
-
-def test_mcap_files(source, tmp_path):
-    assert take(source, tmp_path / "out", "--dt", "0.01", "--mcap").code == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"toys_a.mcap", "toys_b.mcap"}
-    assert "2 there already" in take(source, tmp_path / "out", "--dt", "0.01", "--mcap").err
-
-
 def test_what_is_missing_is_named_with_its_remedy(source, tmp_path):
     assert "--dt" in take(source, tmp_path / "data").err
     done = run("import", source, "--to", tmp_path / "data", "--dt", "0.01")
     assert done.code == 2
     assert "--map FILE with [body.cube] shapes" in done.err
     assert not (tmp_path / "data").exists()
-
-
-def test_a_trace_of_our_own_needs_no_import(tmp_path):
-    falling_cube("d0").close(tmp_path / "ours")
-    for given in (tmp_path / "ours", tmp_path / "ours/meta/info.json"):
-        done = run("import", given, "--to", tmp_path / "data")
-        assert done.code == 2
-        assert "it is a SafeStage trace" in done.err
-
-
-def test_nothing_known(source, tmp_path):
-    (tmp_path / "x.txt").write_text("hello")
-    done = run("import", tmp_path / "x.txt", "--to", tmp_path / "data")
-    assert done.code == 2
-    assert "nothing in here is of a known format. Allowed: Toy JSON." in done.err
-    assert "no such file" in run("import", tmp_path / "y", "--to", tmp_path / "data").err
 
 
 def test_a_bind_file_fills_the_header(source, tmp_path):
@@ -247,13 +154,6 @@ def test_a_bind_file_fills_the_header(source, tmp_path):
     done = take(source, tmp_path / "data", "--dt", "0.01", "--bind", bind)
     assert done.code == 2
     assert "bind.toml:2:1" in done.err
-
-
-def test_a_role_without_a_body(source, tmp_path):
-    (tmp_path / "map.toml").write_text(MAP.replace('target = "cube"', 'target = "cup"'))
-    done = take(source, tmp_path / "data", "--dt", "0.01")
-    assert done.code == 2
-    assert "'cup'" in done.err
 
 
 def test_a_mesh_from_a_file(source, tmp_path):
@@ -288,20 +188,6 @@ def test_problems_of_a_map_file_are_pointed_at(source, tmp_path, text, place, to
     assert done.code == 2
     assert f"map.toml:{place}" in done.err
     assert told in done.err
-
-
-def test_an_entry_that_no_body_answers_to_is_reported(source, tmp_path):
-    with (tmp_path / "map.toml").open("a") as text:
-        text.write('[body.cubo]\nmass = 1\n[body."mug_*"]\nmass = 1\n')
-    done = take(source, tmp_path / "data", "--dt", "0.01")
-    assert done.code == 0, done.err
-    assert "[body.cubo] names no body of the source; did you mean [body.cube]?" in done.err
-    assert "mug_" not in done.text
-
-
-@pytest.mark.parametrize("text", ["0", "-1", "fast", "1/0", "1 h"])
-def test_times_that_are_none(source, tmp_path, text):
-    assert f"--dt {text}" in take(source, tmp_path / "data", f"--dt={text}").err
 
 
 def test_formats_of_the_simulator_are_known_without_it(monkeypatch):

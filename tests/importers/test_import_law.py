@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from exports import RIGID, map_text, write_lerobot, write_maniskill, write_robolab
 from rlds_sets import write_rlds
+from sampled import share
 
 from safestage_eval.episode import Body, Episode, RobotFrames, Track, still_track
 from safestage_eval.evidence.measure import Signals
@@ -23,7 +24,6 @@ from safestage_eval.verdicts import judge
 
 LAYOUTS = ("robolab", "maniskill", "lerobot", "rlds")
 FOLDER = [builtin_folder() / "examples"]
-SKETCHES = sorted(path.stem for path in FOLDER[0].glob("*.toml"))
 EXAMPLES = {
     # sketch: (rule, verdict, verdict per layout); "?" is inconclusive. Whether the hand has what it
     # takes off is inferred from its path (RoboLab); without that a hand may have had it all the time.
@@ -149,18 +149,10 @@ def test_there_and_back(rules, tmp_path, name, layout):
     assert found[rule] == LETTERS[letters[LAYOUTS.index(layout)]]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(0, len(SKETCHES), 4))
-def test_more_sketches_there_and_back(rules, tmp_path, number):
-    there_and_back(rules, tmp_path, SKETCHES[number], LAYOUTS[number % len(LAYOUTS)])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(4))
-def test_every_example_of_every_rule(rules, part):
-    """Sketches with all knobs that rules name: what RoboLab's layout loses, and what others do."""
+def test_examples_of_every_rule(rules):
+    """A share of the sketches that rules name: what RoboLab's layout loses, and what others do."""
     named = {name for rule in rules.rules.values() for name in (*rule.violates, *rule.passes)}
-    for number, name in enumerate(sorted(named)[part::4]):
+    for number, name in enumerate(share(sorted(named), 24)):
         ours = resolve(name, FOLDER)
         original = verdicts(ours, rules)
         layout = ("robolab", "maniskill")[number % 2]  # LeRobot's loses what ManiSkill's does

@@ -1,9 +1,7 @@
 """RoboLab's and Isaac Lab's layout, with its quirks."""
 
 import json
-import re
 
-import h5py
 import numpy as np
 import pytest
 from exports import com_twist, map_text, write_robolab
@@ -13,9 +11,7 @@ from studio import run
 from safestage_eval.episode import Body, Geom
 from safestage_eval.formats import load
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.importers import box_fit
 from safestage_eval.importers.bind_headers import load_bound
-from safestage_eval.importers.isaac_file import order_of
 from safestage_eval.rules.files import builtin_folder
 
 FRAMES, RATE = 40, 15.0
@@ -50,10 +46,6 @@ def scene(success=True):
 
 def take(source, to, *more):
     return run("import", source, "--to", to, *more)
-
-
-def account(text, kind):
-    return [line for line in text.splitlines() if re.search(rf"  {kind}: ", line)]
 
 
 @pytest.mark.parametrize(
@@ -112,37 +104,6 @@ def test_the_tasks_of_the_benchmark_have_roles():
         assert len(players) == len(set(players))  # nobody plays two roles
 
 
-def test_frames_and_actions_belong_together(tmp_path):
-    """One more frame than actions; row i is in force from frame i on, the last one stays."""
-    source = write_robolab(tmp_path / "out", [scene()])
-    assert take(source, tmp_path / "data").code == 0
-    theirs = load(tmp_path / "data")
-    expected = [*range(FRAMES - 1), FRAMES - 2]
-    assert theirs.frames.action[:, 0].tolist() == expected
-    closed = np.linspace(0, 1, FRAMES)
-    assert np.allclose(theirs.frames.gripper[:, 0], 1 - closed, atol=1e-6)
-    assert theirs.frames.joint_position.shape == (FRAMES, 13)
-
-
-def test_without_a_map_shapes_are_the_boxes_and_the_rest_is_said(tmp_path):
-    source = write_robolab(tmp_path / "out", [scene()])
-    done = take(source, tmp_path / "data")
-    assert done.code == 0, done.err
-    theirs = load(tmp_path / "data")
-    cube, carton = (theirs.bodies[name].geoms[0] for name in ("cube", "carton"))
-    assert cube.size == pytest.approx((0.03,) * 3, abs=2e-4)  # it turns: rounding averages out
-    assert carton.size == pytest.approx((0.02, 0.03, 0.05), abs=1e-3)
-    assert carton.position == pytest.approx((0, 0, 0), abs=6e-4)
-    assert theirs.bodies["carton"].untold == ("up_axis", "cavity")
-    text = "\n".join(account(done.text, "missing"))
-    for what in ("masses", "up axes", "insides of containers", "contacts", "the time after success",
-                 "poses of the links of robot", "shapes of the gripper"):  # fmt: skip
-        assert what in text
-    guessed = "\n".join(account(done.text, "guessed"))
-    for what in ("shapes of carton, cube, table", "table is a fixture", "centres of mass"):
-        assert what in guessed
-
-
 def test_velocities_are_moved_from_the_centre_of_mass(tmp_path):
     """Without a map the centre is the middle of the box, and its velocity is what was recorded."""
     ours = scene()
@@ -177,25 +138,73 @@ def test_what_is_refused_and_what_would_mend_it(tmp_path, written, more, told):
     assert "Traceback" not in done.err
 
 
+def test_a_standard_task_needs_no_map(tmp_path):
+    """Isaac Lab's recorder writes neither shapes nor the time between rows; its stacking task has them."""
+    s = Scene(FRAMES, RATE).fixed("table", (0.4, 0, 0))
+    for i in (1, 2, 3):
+        s.box(f"cube_{i}", 0.0234, (0.3, 0.2 * i, 0.0234))
+    task = "Isaac-Stack-Cube-Franka-IK-Rel-Mimic-v0"
+    source = write_robolab(
+        tmp_path / "out", [s.episode(task=task)], beside=False, results=False, boxes=False
+    )
+    done = take(source, tmp_path / "data")
+    assert done.code == 0, done.err
+    episode = load(tmp_path / "data")
+    assert np.allclose(np.diff(episode.t), 0.05)
+    assert episode.header.physics_dt == 0.01
+    for i in (1, 2, 3):
+        assert episode.bodies[f"cube_{i}"].geoms[0].size == pytest.approx((0.0234,) * 3)
+    for told in ("guessed: time between rows", "guessed: the shape of cube_1"):
+        assert told in done.text
+
+
+def tower(falls):
+    """Two cubes set down on a third in 2 s; one falls off a second later, or stays."""
+    s = Scene(80, 20.0).fixed("table", (0.4, 0, 0))
+    cube = Geom(kind="box", size=(0.0234,) * 3)
+    for i in (1, 2, 3):
+        done = np.clip((s.t - 0.5 * i) / 0.5, 0, 1)[:, None]
+        begin, end = (0.3, 0.15 * i, 0.0234), (0.3, 0.15, 0.0234 + 0.0468 * (i - 1))
+        lifted = np.sin(np.pi * done) * (0, 0, 0.2 * (i > 1))
+        path = begin + (np.array(end) - begin) * done + lifted
+        if falls and i == 3:
+            path[60:] = (0.3, 0.3, 0.0234)
+        s.body(f"cube_{i}", cube, path, turned(np.zeros(80)))
+    task = "Isaac-Stack-Cube-Franka-IK-Rel-Mimic-v0"
+    return s.episode(task=task, success=True, success_time=float(s.t[-1]))
+
+
+def test_a_success_whose_tower_has_fallen_is_named(tmp_path):
+    source = write_robolab(
+        tmp_path / "out", [tower(False), tower(True)], beside=False, results=False, boxes=False
+    )
+    bind = builtin_folder() / "bind" / "isaaclab.toml"
+    done = take(source, tmp_path / "data", "--bind", bind)
+    assert done.code == 0, done.err
+    assert "guessed: the moment of success" in done.text
+    found = json.loads(run("audit", tmp_path / "data", "--format", "json").text)["findings"]
+    lost = [each for each in found if each["code"] == "AUD315"]
+    assert len(lost) == 1
+    assert "run_0/demo_1" in json.dumps(lost[0])
+
+
 @pytest.mark.parametrize(
-    ("written", "more"),
+    ("goal", "told"),
     [
-        ({"version": None}, ("--quaternion", "wxyz")),
-        ({"beside": False, "results": False}, ("--dt", "1/15")),
+        ('"onn"', "no goal 'onn' is loaded"),
+        ('{ roles = { target = "object" }, require = { "suported(target)" = true } }', "suported"),
+        ('"on"', None),
     ],
 )
-def test_what_was_refused_is_taken_with_what_it_lacked(tmp_path, written, more):
-    source = write_robolab(tmp_path / "out", [scene()], **written)
-    assert take(source, tmp_path / "data", *more).code == 0
-
-
-def test_a_recording_without_states(tmp_path):
+def test_a_goal_of_the_map_is_used_or_refused(tmp_path, goal, told):
     source = write_robolab(tmp_path / "out", [scene()])
-    with h5py.File(source, "a") as file:
-        del file["data/demo_0/states"]
-    done = take(source, tmp_path / "data")
-    assert done.code == 2
-    assert "PostStepStatesRecorder" in done.err
+    (tmp_path / "map.toml").write_text(f"[every]\ngoal = {goal}\n")
+    done = take(source, tmp_path / "data", "--map", tmp_path / "map.toml")
+    assert done.code == (0 if told is None else 2)
+    if told is None:
+        assert load(tmp_path / "data").header.goal == "on"
+    else:
+        assert told in done.err and "[every] goal" in done.err
 
 
 def test_a_damaged_file_among_sound_ones(tmp_path):
@@ -208,43 +217,3 @@ def test_a_damaged_file_among_sound_ones(tmp_path):
     assert "2 imported" in done.err
     failed = load(tmp_path / "data", "out/SlideTask/run_0/demo_1").header
     assert (failed.success, failed.success_time, failed.rollout) == (False, None, 1)
-
-
-def test_success_that_is_nowhere_is_not_known(tmp_path):
-    source = write_robolab(tmp_path / "out", [scene()], results=False)
-    with h5py.File(source, "a") as file:
-        del file["data/demo_0"].attrs["success"]
-    assert "missing: success" in take(source, tmp_path / "data").text
-    assert load(tmp_path / "data").header.success is None
-
-
-def test_broken_side_files_are_reported(tmp_path):
-    source = write_robolab(tmp_path / "out", [scene()])
-    (source.parent / "env_cfg.json").write_text('{"sim": ')
-    done = take(source, tmp_path / "data")
-    assert done.code == 0, done.err  # dt is in the results as well
-    assert "env_cfg.json" in "\n".join(account(done.text, "missing"))
-    assert json.loads(run("inspect", tmp_path / "data", "--json").text)["gravity"] == [0, 0, -9.81]
-
-
-def test_orders_by_version():
-    known = {"0.30.1": "wxyz", "2.0.0": "wxyz", "2.3": "wxyz", "3.0.0b2": "xyzw", "6.0.0": "xyzw"}
-    assert {version: order_of(version) for version in known} == known
-    assert [order_of(v) for v in ("1.0.0", "2.4.0", "main")] == [None] * 3
-
-
-def test_a_box_that_stands_askew_in_its_body():
-    tilted = (np.cos(0.3), np.sin(0.3), 0.0, 0.0)
-    signs = np.array([[1 if i >> k & 1 else -1 for k in range(3)] for i in range(8)])
-    inner = rotate(tilted, signs * (0.05, 0.08, 0.11)) + np.array([0.01, 0.02, 0.03])
-    spin = turned(np.linspace(0, 3, 200), (0.6, 0, 0.8))
-    world = rotate(np.repeat(spin, 8, axis=0), np.tile(inner, (200, 1))).reshape(-1, 8, 3)
-    place = np.linspace((0.3, -0.2, 0.4), (0.7, 0.5, 0.1), 200)
-    found = box_fit.fit(
-        box_fit.to_metres(np.trunc((world + place[:, None]) * 1e3).astype("i2")), place, spin
-    )
-    assert found.geom.size == pytest.approx((0.05, 0.08, 0.11), abs=2e-4)
-    assert found.geom.position == pytest.approx((0.01, 0.02, 0.03), abs=2e-4)
-    again = rotate(found.geom.orientation, signs * found.geom.size) + np.array(found.geom.position)
-    assert np.abs(again - inner).max() < 5e-4
-    assert found.spread < 1.2e-3

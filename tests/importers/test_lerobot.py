@@ -2,7 +2,6 @@
 
 import json
 
-import h5py
 import numpy as np
 import pytest
 from exports import map_text, write_lerobot
@@ -33,18 +32,6 @@ def test_both_versions(tmp_path, version):
         assert theirs.header.instruction == "do it"
         assert theirs.header.rollout == number
         assert theirs.frames.action.shape == (20, 0)
-
-
-def test_velocities_without_columns_are_derived(tmp_path):
-    source, columns = write_lerobot(tmp_path / "in", [scene()])
-    columns = "\n".join(line for line in columns.splitlines() if "velocity" not in line)
-    text = columns + '\n[columns]\naction = "action"\n'
-    (tmp_path / "map.toml").write_text(map_text(scene(), success=True) + text)
-    done = run("import", source, "--to", tmp_path / "data", "--map", tmp_path / "map.toml")
-    assert done.code == 0, done.err
-    assert "recomputed: velocities of table, cube" in done.text
-    assert not load(tmp_path / "data").track("cube").linear_velocity.any()
-    assert load(tmp_path / "data").frames.action.shape == (20, 7)
 
 
 @pytest.mark.parametrize(
@@ -99,30 +86,3 @@ def test_conversions_that_dropped_the_objects(tmp_path, name, told):
     assert "observation.state, action" in done.err
     assert told in done.err
     assert not (tmp_path / "data").exists()
-
-
-@pytest.mark.parametrize(
-    ("data", "told"),
-    [
-        ("observation/robot_state/joint_positions", "never measured"),
-        ("data/demo_0/obs/agentview_image", "simulator's states"),
-    ],
-)
-def test_hdf5_without_objects_is_refused(tmp_path, data, told):
-    with h5py.File(tmp_path / "demos.h5", "w") as file:
-        file[data] = np.zeros((3, 2))
-    done = run("import", tmp_path / "demos.h5", "--to", tmp_path / "data")
-    assert done.code == 2
-    assert told in done.err
-    assert data.rsplit("/", 1)[1] in done.err
-
-
-def test_alohas_episodes_name_what_would_help(tmp_path):
-    with h5py.File(tmp_path / "episode_0.hdf5", "w") as file:
-        file["action"] = np.zeros((5, 14))
-        file["observations/qpos"] = np.zeros((5, 14))
-        file["observations/images/top"] = np.zeros((5, 2, 2, 3), np.uint8)
-    done = run("import", tmp_path / "episode_0.hdf5", "--to", tmp_path / "data")
-    assert done.code == 2
-    for what in ("has no poses of objects", "ALOHA", "safestage-record", "object tracker"):
-        assert what in done.err

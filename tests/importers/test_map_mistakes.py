@@ -9,9 +9,6 @@ from scenes import Scene
 from studio import run
 
 from safestage_eval.episode import Geom
-from safestage_eval.importers.map_file import load_map
-from safestage_eval.importers.map_mistakes import notice, summed
-from safestage_eval.importers.map_tables import MapFile
 
 HALF = 0.02
 YAW = np.radians(30) / 2
@@ -89,20 +86,6 @@ def test_a_table_at_another_height(tmp_path, off):
     assert one["fix"].startswith("[body.table] position = [0, 0, ")
 
 
-def test_quaternions_in_the_other_order(tmp_path):
-    written(tmp_path, quaternion="wxyz")
-    notices = take(tmp_path)
-    assert any("--quaternion xyzw" in one["fix"] for one in notices), notices
-    assert all("table" not in one["cause"] for one in notices)
-
-
-def test_a_finger_pad_a_centimetre_off(tmp_path):
-    written(tmp_path, pad=0.01)
-    [one] = take(tmp_path)
-    assert "_pad' comes nearest, 10 mm away" in one["what"]
-    assert "_pad] shapes or position in the map file" in one["fix"]
-
-
 def test_three_mistakes_of_which_each_hides_the_next_are_three_messages(tmp_path):
     """A mug in centimetres is a tower that all else is in; on a table too low nothing stands."""
     written(tmp_path, pad=0.01, table=-0.46)
@@ -128,48 +111,3 @@ def test_centimetres_are_named_and_mended(tmp_path):
         "import", source, "--to", tmp_path / "again", "--map", tmp_path / "map.toml", "-f", "json"
     )
     assert json.loads(done.out)["looks_wrong"] == []
-
-
-def test_three_mistakes_have_three_messages(tmp_path):
-    causes = set()
-    for i, wrong in enumerate(({"table": -0.46}, {"quaternion": "wxyz"}, {"pad": 0.01})):
-        (tmp_path / str(i)).mkdir()
-        written(tmp_path / str(i), **wrong)
-        causes.add(take(tmp_path / str(i))[0]["fix"])
-    assert len(causes) == 3
-
-
-def test_sizes_in_centimetres(tmp_path):
-    s = scene()
-    bodies = tuple(
-        b.model_copy(update={"mass": None, "geoms": tuple(
-            g.model_copy(update={"size": tuple(100 * x for x in g.size)}) for g in b.geoms)})
-        for b in s.header.bodies
-    )  # fmt: skip
-    object.__setattr__(s, "header", s.header.model_copy(update={"bodies": bodies}))
-    shapes = {b.name: {"shapes": [{"kind": "box", "size": [1, 1, 1]}]} for b in bodies}
-    [one, *_] = notice(s, MapFile.model_validate({"body": shapes}))
-    assert "cm" in one.cause
-    assert one.fix.endswith('with their unit: "4 cm"')
-
-
-def test_equal_notices_of_many_episodes_are_one(tmp_path):
-    (tmp_path / "map.toml").write_text("[body.table]\nposition = [0, 0, 0]\n")
-    map_ = load_map(tmp_path / "map.toml")
-    s = Scene(30, 20.0).fixed("table", (0, 0, -0.46)).box("cube", HALF, (0, 0, HALF))
-    s = s.episode(force_source="none")
-    [(one, count)] = summed([notice(s, map_)] * 3)
-    assert count == 3
-    assert str(one).endswith("[AUD204]")
-
-
-def test_all_gaps_of_a_source_in_one_run(tmp_path):
-    written(tmp_path)
-    text = (tmp_path / "map.toml").read_text()
-    cut = text[: text.index("[every]")].replace('quaternion = "xyzw"', "")
-    (tmp_path / "map.toml").write_text(cut)
-    done = run("import", tmp_path / "in", "--to", tmp_path / "data", "--map", tmp_path / "map.toml")
-    assert done.code == 2
-    assert "lacks 2 things" in done.err
-    assert "--quaternion" in done.err
-    assert "no object has a shape" in done.err

@@ -104,17 +104,3 @@ def test_what_is_no_mesh_file_is_not_opened(tmp_path, name):
     os.mkfifo(tmp_path / "pipe.obj")
     with pytest.raises(InputError, match="is no mesh file"):
         read_mesh(tmp_path / name)
-
-
-@pytest.mark.parametrize("data", [b"", b"\xff" * 99, b"v nan\n", b"f 1 2 9\n"])
-@pytest.mark.parametrize("ending", SHAPES)
-def test_damaged_meshes_are_reported(tmp_path, ending, data):
-    path = tmp_path / f"a{ending}"
-    path.write_bytes(data)
-    try:
-        vertices, faces = read_mesh(path)
-    except InputError as error:
-        assert "no mesh could be read" in str(error)
-    else:
-        assert vertices.shape == (len(vertices), 3)
-        assert faces.shape == (len(faces), 3)

@@ -99,8 +99,3 @@ def test_what_is_no_archive_is_reported(tmp_path, data):
         npz_arrays(tmp_path / "a.npz", ("states",))
     with pytest.raises(InputError, match="cannot be read"):
         npz_arrays(tmp_path / "gone.npz", ("states",))
-
-
-def test_a_plain_array(tmp_path):
-    np.save(tmp_path / "a.npy", np.array([[1, 2]]))
-    assert npy_array(tmp_path / "a.npy").tolist() == [[1, 2]]

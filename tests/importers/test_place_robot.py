@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exports import map_text, write_lerobot, write_maniskill, write_robolab
+from exports import map_text, write_lerobot, write_maniskill
 from scenes import Scene
 from studio import run
 
@@ -92,46 +92,6 @@ def test_maniskill(tmp_path, robot):
     assert load(tmp_path / "data").frames.gripper.shape == (30, 1)
 
 
-def test_isaac_lab(tmp_path):
-    import h5py
-
-    episode, _ = scene(1)
-    source = write_robolab(tmp_path / "in", [episode])
-    with h5py.File(source) as file:
-        arms = file["data/demo_0/states/articulation"]
-        [name] = arms
-        first = file[f"data/demo_0/initial_state/articulation/{name}/joint_position"][:1]
-        columns = np.vstack([first, arms[name]["joint_position"][()]]).astype(float)
-    robot = tmp_path / "chain.urdf"
-    robot.write_text(chain(columns.shape[1]))
-    (tmp_path / "map.toml").write_text(map_text(episode))
-    done = run(
-        "import",
-        source,
-        "--to",
-        tmp_path / "data",
-        "--map",
-        tmp_path / "map.toml",
-        "--robot",
-        robot,
-    )
-    assert done.code == 0, done.err
-    assert (
-        "shapes of" not in done.text
-    )  # none is guessed: the map file and the description have them all
-    theirs = load(tmp_path / "data")
-    assert "hand_left_finger" in theirs.bodies
-    assert "gripper_base" not in theirs.bodies  # a link is the hand now
-    model = load_robot(robot)
-    base = theirs.track("robot_base")
-    poses = model.place(
-        (base.position.astype(float), base.orientation.astype(float)),
-        {joint.name: columns[:, i] for i, joint in enumerate(model.joints)},
-    )
-    mine = theirs.track("hand_left_finger").position
-    assert np.abs(mine - poses["hand_left_finger"][0]).max() < 1e-6
-
-
 @pytest.mark.parametrize("placed", [True, False])
 def test_lerobot(tmp_path, robot, placed):
     import json
@@ -175,23 +135,3 @@ def test_lerobot(tmp_path, robot, placed):
     assert ("place of the robot's base" in done.text) != placed
     assert "order of the joints" not in done.text  # they are named
     placed_as(theirs, robot, "robot_base", columns.astype(float))
-
-
-def test_another_number_of_joints_is_refused_with_both(tmp_path, robot):
-    episode, _ = scene(9)
-    source = write_maniskill(tmp_path / "in", episode)
-    robot.write_text(chain(4))
-    (tmp_path / "map.toml").write_text(map_text(episode))
-    done = run(
-        "import",
-        source,
-        "--to",
-        tmp_path / "data",
-        "--map",
-        tmp_path / "map.toml",
-        "--robot",
-        robot,
-    )
-    assert done.code == 2
-    assert "9 recorded columns" in done.err
-    assert "[robot] joints" in done.err

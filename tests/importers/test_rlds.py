@@ -38,28 +38,6 @@ def test_every_step_of_every_shard(tmp_path):
         assert theirs.header.rollout == number
 
 
-def test_whole_numbers_and_truths_are_columns_too(tmp_path):
-    source, columns = write_rlds(tmp_path / "in", [scene()])
-    columns = columns.replace("[source]", '[columns]\nsuccess = "is_last"\n[source]')
-    (tmp_path / "map.toml").write_text(map_text(scene()) + columns)
-    done = run("import", source, "--to", tmp_path / "data", "--map", tmp_path / "map.toml")
-    assert done.code == 0, done.err
-    header = load(tmp_path / "data").header
-    assert header.success is True
-    assert header.success_time == pytest.approx(1.9)
-
-
-def test_time_by_a_column(tmp_path):
-    source, columns = write_rlds(tmp_path / "in", [scene()])
-    untimed = columns.partition("dt =")[0]
-    done = import_set(tmp_path, source, untimed)
-    assert done.code == 2
-    assert "how much time" in done.err and "[columns] time" in done.err
-    timed = untimed.replace("[source]", '[columns]\ntime = "discount"\n[source]')
-    done = import_set(tmp_path, source, timed)
-    assert done.code == 2 and "t" in done.err  # ones throughout are no time stamps
-
-
 def test_without_a_map_the_likely_columns_are_named(tmp_path):
     source, _ = write_rlds(tmp_path / "in", [scene()])
     done = run("import", source.parent, "--to", tmp_path / "data")
@@ -189,14 +167,6 @@ def test_limits_hold(tmp_path, monkeypatch):
     done = import_set(tmp_path, source, columns)
     assert done.code != 0
     assert "--limits frames=20" in done.err + done.text
-
-
-def test_missing_shards_are_reported(tmp_path):
-    source, columns = write_rlds(tmp_path / "in", [scene(i) for i in range(4)], shards=2)
-    max(source.glob("*.tfrecord-*")).unlink()
-    done = import_set(tmp_path, source, columns)
-    assert done.code == 2
-    assert "download what is missing" in done.err
 
 
 def test_files_of_other_kinds_are_reported(tmp_path):

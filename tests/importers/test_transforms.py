@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bags import ARM, TF_MESSAGE, ros_transform
 from exports import map_text
-from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
 from studio import run
 
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, load, validate
-from safestage_eval.formats.mcap.urdf import to_urdf
-from safestage_eval.geometry.pose import angle, product, relative, rotate
-from safestage_eval.importers.frame_tree import Edge, FrameTree, Samples, slerp
+from safestage_eval.geometry.pose import angle, rotate
+from safestage_eval.importers.frame_tree import FrameTree, Samples
 from safestage_eval.importers.urdf_links import urdf_links
 from safestage_eval.run.score_many import score_paths
 
@@ -103,35 +99,6 @@ def test_poses_of_a_ros_bag_are_exact(tmp_path):
         assert what in done.text
 
 
-def test_a_bag_in_parts_is_one_episode(tmp_path):
-    ours = tumbling()
-    bag = tmp_path / "bag"
-    write_bag(bag / "bag_0.mcap", ours)
-    shutil.copy(bag / "bag_0.mcap", bag / "bag_10.mcap")  # the same again changes nothing
-    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n")
-    done = take(bag, tmp_path / "data", *with_map(tmp_path, map_text(ours)))
-    assert done.code == 0, done.err
-    [ref] = discover(tmp_path / "data")
-    assert len(ref.open()) == len(ours)
-
-
-def test_frames_sent_at_other_rates_are_interpolated(tmp_path):
-    """The motion is even, so interpolation between every third transform loses nothing."""
-    ours = tumbling(frames=61)
-    bag = write_bag(tmp_path / "run.mcap", ours, rates={"cube": 3, "ball": 2})
-    done = take(bag, tmp_path / "data", *with_map(tmp_path, map_text(ours)), "--dt", "20 ms")
-    assert done.code == 0, done.err
-    assert "poses at common times" in done.text
-    theirs = load(tmp_path / "data")
-    at = np.column_stack([0.2 * theirs.t, 0 * theirs.t + 0.1, 0 * theirs.t + 0.3])
-    assert np.allclose(theirs.track("cube").position, at, atol=1e-6)
-    turn = np.column_stack(
-        [np.cos(0.4 * theirs.t), 0 * theirs.t, np.sin(0.4 * theirs.t), 0 * theirs.t]
-    )
-    assert angle(theirs.track("cube").orientation, turn).max() < 1e-5
-    assert np.allclose(np.diff(theirs.t), 0.02)
-
-
 def test_what_was_lost_never_passes(tmp_path):
     """A recorded episode as a bag: each verdict is the same, or it cannot be decided any more."""
     for name in ("ets_dumbbell_near_glasses", "fsh_bottle_on_shelf"):
@@ -193,16 +160,6 @@ def test_shapes_and_robot_from_a_description(tmp_path):
     assert ours.bodies["cube"].kind == theirs.bodies["cube"].kind == "object"
 
 
-def test_our_own_description_gives_back_our_shapes():
-    ours = tumbling()
-    links = urdf_links(to_urdf(ours), "urdf")
-    for body in ours.header.bodies:
-        assert [g.kind for g in links[body.name].geoms] == [g.kind for g in body.geoms]
-        for ours_, theirs in zip(body.geoms, links[body.name].geoms, strict=True):
-            assert theirs.size == pytest.approx(ours_.size)
-        assert not links[body.name].robot
-
-
 def test_a_description_with_entities_is_refused():
     with pytest.raises(TraceError, match="entities"):
         urdf_links('<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"/>', "urdf")
@@ -249,26 +206,6 @@ def test_a_file_by_the_foxglove_sdk(tmp_path):
     assert "oval cylinder of post" in done.text
 
 
-def test_json_messages(tmp_path):
-    with (tmp_path / "j.mcap").open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        schema = writer.register_schema("foxglove.FrameTransform", "jsonschema", b"{}")
-        channel = writer.register_channel("/tf", "json", schema)
-        for n in range(10):
-            message = {
-                "timestamp": {"sec": 0, "nsec": n * 10**7}, "parent_frame_id": "w",
-                "child_frame_id": "cube", "translation": {"x": n, "y": 0, "z": 0},
-                "rotation": {"x": 0, "y": 0, "z": 0, "w": 1},
-            }  # fmt: skip
-            data = json.dumps(message).encode()
-            writer.add_message(channel, n * 10**7, data, n * 10**7)
-        writer.finish()
-    map_ = with_map(tmp_path, '[body.cube]\nshapes = [{ kind = "sphere", size = [0.1] }]\n')
-    assert take(tmp_path / "j.mcap", tmp_path / "data", *map_).code == 0
-    assert load(tmp_path / "data").track("cube").position[:, 0].tolist() == [*range(10)]
-
-
 def test_refusals_say_what_would_help(tmp_path):
     ours = tumbling()
     bag = write_bag(tmp_path / "run.mcap", ours)
@@ -303,38 +240,3 @@ def test_refusals_say_what_would_help(tmp_path):
     done = take(cut, tmp_path / "data", "--from", "tf")
     assert done.code == 2
     assert "Traceback" not in done.err
-
-
-def test_another_frame_as_the_world(tmp_path):
-    """Seen from the ball, the cube moves as it does relative to it."""
-    ours = tumbling()
-    bag = write_bag(tmp_path / "run.mcap", ours)
-    map_ = with_map(tmp_path, map_text(ours) + '[source]\nworld = "ball"\n')
-    assert take(bag, tmp_path / "data", *map_).code == 0
-    theirs = load(tmp_path / "data")
-    a, b = ours.track("ball"), ours.track("cube")
-    position, _ = relative(a.position, a.orientation, b.position, b.orientation)
-    assert np.allclose(theirs.track("cube").position, position, atol=1e-6)
-
-
-def test_a_loop_of_frames_is_refused():
-    still = ([0], [(0.0, 0, 0)], [(1.0, 0, 0, 0)])
-    with pytest.raises(TraceError, match="its own ancestor"):
-        FrameTree({"a": Samples("b", *still), "b": Samples("a", *still)}, "x")
-
-
-def test_a_broken_quaternion_is_refused():
-    with pytest.raises(TraceError, match=r"frame 'a'.*norm 0"):
-        Edge("a", Samples("w", [0], [(0.0, 0, 0)], [(0.0, 0, 0, 0)]), "x")
-
-
-def test_slerp_turns_evenly_along_the_shorter_arc():
-    rng = np.random.default_rng(1)
-    a, b = (q / np.linalg.norm(q, axis=1, keepdims=True) for q in rng.normal(size=(2, 200, 4)))
-    share = rng.uniform(size=(200, 1))
-    middle = slerp(a, b, share)
-    whole = angle(a, b)
-    assert np.allclose(angle(a, middle), share[:, 0] * whole, atol=1e-6)
-    assert np.allclose(angle(middle, b), (1 - share[:, 0]) * whole, atol=1e-6)
-    turned = product(b[:1], a)  # the same for a common rotation
-    assert np.allclose(slerp(turned, product(b[:1], b), share), product(b[:1], middle), atol=1e-9)

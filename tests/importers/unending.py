@@ -26,20 +26,12 @@ def objects(data: bytes) -> tuple[int, list[int]]:
     return begin, found
 
 
-def without_end(path: Path, how: str) -> None:
-    """Damage to the texts of a file, as the fuzzing campaign did it."""
+def without_end(path: Path) -> None:
+    """Give a text of a file no size, as the fuzzing campaign did it."""
     data = bytearray(path.read_bytes())
     _, places = objects(bytes(data))
     free = places[-1]
-    if how == "zeros":  # over the end of the last text and what follows it
-        data[free - 20 : free + 200] = bytes(220)
-    elif how == "exchanged":  # a text's head in the place of the free space's
-        data[free : free + 16] = (3).to_bytes(8, "little") + (5).to_bytes(8, "little")
-        data[free + 16 : free + 64] = bytes(48)
-    elif how == "size":
-        data[free + 8 : free + 16] = bytes(8)
-    else:  # a size that leads round to where it stands, in 64 bits
-        data[places[0] + 8 : places[0] + 16] = (2**64 - 16).to_bytes(8, "little")
+    data[free + 8 : free + 16] = bytes(8)
     path.write_bytes(data)
 
 
@@ -64,8 +56,3 @@ def opened(folder):
         return word.upper()
 
     return answer
-
-
-def stillborn():
-    """Cannot begin."""
-    raise SystemExit(3)

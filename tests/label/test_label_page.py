@@ -2,16 +2,13 @@
 
 import csv
 import io
-import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from browser import PHONE
 from films import COLOURS, film
 from PIL import Image
-from sitting import SECRETS, record, rules, served, session
+from sitting import SECRETS, record, served, session
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +19,7 @@ def traces(tmp_path_factory):
 @pytest.fixture
 def server(traces, tmp_path):
     with served(
-        session(traces, tmp_path / "labels.csv", commands=("safestage agreement …",))
+        session(traces, tmp_path / "labels.csv", commands=("safestage label agreement …",))
     ) as found:
         yield found
 
@@ -88,7 +85,7 @@ def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(ta
     at(tab, 2)
     tab.keyboard.press("x")
     tab.get_by_role("heading", name="All answered").wait_for()
-    assert "safestage agreement" in tab.locator("#commands").inner_text()
+    assert "safestage label agreement" in tab.locator("#commands").inner_text()
     assert "1 safe, 1 unsafe, 1 unsure" in tab.locator("#summary").inner_text()
     assert [answer[:2] for answer in answers(server)] == [(0, "safe"), (1, "unsafe"), (2, "unsure")]
     whole = b"".join(listed)
@@ -127,108 +124,6 @@ def test_a_video_beside_the_trace_is_shown_first_and_plays(traces, tab, tmp_path
         at(tab, 1)
         assert answers(server) == [(0, "safe", "ada", "")]
         assert not video.is_visible()  # the second has none
-
-
-@pytest.mark.slow
-def test_a_second_reviewer_begins_anew_and_the_first_goes_on(tab, server):
-    come(tab, server)
-    at(tab, 0)
-    tab.get_by_role("button", name="Unsafe").click()
-    at(tab, 1)
-    tab.get_by_role("button", name="Reviewer: ada").click()
-    tab.get_by_label("Name or initials").fill("  bob   b ")
-    tab.get_by_role("button", name="Begin").click()
-    tab.get_by_role("button", name="Reviewer: bob b").wait_for()
-    tab.wait_for_function(
-        "() => document.querySelector('#where').textContent.startsWith('Rollout 1 ')"
-    )
-    assert tab.get_by_role("button", pressed=True, name="Unsafe").count() == 0
-    tab.keyboard.press("s")
-    at(tab, 1)
-    tab.get_by_role("button", name="Reviewer: bob b").click()
-    tab.get_by_label("Name or initials").fill("ada")
-    tab.keyboard.press("Enter")
-    tab.wait_for_function(
-        "() => document.querySelector('#where').textContent.startsWith('Rollout 2 ')"
-    )
-    assert answers(server) == [(0, "unsafe", "ada", ""), (0, "safe", "bob b", "")]
-
-
-@pytest.mark.slow
-def test_after_a_kill_the_command_goes_on_where_it_was(tab, traces, tmp_path):
-    """The page says that an answer was not saved; the next sitting knows all that were."""
-    tab.emulate_media(reduced_motion="reduce")
-    command = [
-        sys.executable, "-c", "from safestage_eval.cli import main; main()", "label", str(traces), "--no-open", "--port", "0",
-        "--reviewer", "ada", "--labels", str(tmp_path / "mine.csv"), "--rules", str(rules(tmp_path)),
-    ]  # fmt: skip
-
-    def start():
-        process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, text=True, stderr=subprocess.PIPE
-        )
-        tab.goto(process.stdout.readline().strip())
-        return process
-
-    with start() as process:
-        at(tab, 0)
-        tab.keyboard.press("u")
-        at(tab, 1)
-        process.kill()
-    tab.keyboard.press("s")
-    tab.get_by_role("alert").wait_for()
-    assert "Not saved" in tab.get_by_role("alert").inner_text()
-    assert tab.locator("#count").inner_text() == "1 of 3 answered"
-    with start() as process:
-        at(tab, 1)
-        assert tab.locator("#count").inner_text() == "1 of 3 answered"
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=20)
-    assert process.returncode == 0
-    assert "safestage agreement" in said
-
-
-def test_time_runs_stops_and_is_sought(tab, server):
-    come(tab, server)
-    at(tab, 0)
-    time = lambda: float(tab.locator("#seek").input_value())  # noqa: E731
-    assert time() == 0
-    still = shot(tab)
-    tab.keyboard.press("ArrowRight")
-    assert time() == pytest.approx(1, abs=0.02)
-    tab.keyboard.press("Shift+ArrowLeft")
-    assert time() == pytest.approx(14 / 15, abs=0.02)
-    assert (shot(tab) != still).any(1).mean() > 0.005
-    tab.keyboard.press("Space")
-    tab.get_by_role("button", name="Pause").wait_for()
-    tab.keyboard.press("Space")
-    tab.get_by_role("button", name="Play").wait_for()
-    assert tab.locator("#seek").get_attribute("aria-valuetext").endswith(" s of 2.0 s")
-    tab.locator("#canvas").focus()
-    before = time()
-    tab.keyboard.press("ArrowRight")  # there, arrows turn the view
-    assert time() == before
-
-
-def test_a_button_that_was_clicked_is_not_pressed_again_by_the_space_bar(tab, server):
-    come(tab, server)
-    at(tab, 0)
-    tab.get_by_role("button", name="Safe", exact=False).first.click()
-    at(tab, 1)
-    tab.wait_for_function("() => document.activeElement.id === 'task'")
-    tab.keyboard.press("Space")
-    tab.keyboard.press("Space")
-    assert len(answers(server)) == 1
-
-
-def test_letters_can_be_switched_off(tab, server):
-    come(tab, server)
-    at(tab, 0)
-    tab.get_by_text("Keys", exact=True).click()
-    tab.get_by_label("letters answer").uncheck()
-    tab.keyboard.press("s")
-    tab.keyboard.press("Control+u")
-    assert answers(server) == []
 
 
 def test_a_note_that_is_added_later_is_kept(tab, server):

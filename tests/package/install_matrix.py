@@ -25,7 +25,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-SHOWN = ("numpy", "numba", "pyarrow")
+SHOWN = ("numpy", "scipy", "pyarrow")
 MARKS = ("<!-- installs -->\n", "<!-- end of installs -->\n")
 LIMIT = 900
 """s for a cell."""

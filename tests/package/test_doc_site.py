@@ -33,7 +33,7 @@ def test_every_command_has_its_section_and_the_search_finds_it(site):
     from safestage_eval.cli import HELP
 
     page = (site / "reference/commands/index.html").read_text("utf-8")
-    assert [name for name in HELP if f'id="safestage-{name}"' not in page] == []
+    assert [name for name in HELP if f'id="safestage-{name.replace(" ", "-")}"' not in page] == []
     assert "safestage-score" in (site / "search/search_index.json").read_text("utf-8")
 
 

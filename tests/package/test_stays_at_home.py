@@ -20,7 +20,6 @@ from scenes import Scene
 from studio import block, safe_and_unsafe
 from watched import CHECKOUT, OF_PYTHON, WATCH, looked_into, seen
 
-from safestage_eval._process.precompile import compile_kernels
 from safestage_eval.formats import save
 from safestage_eval.formats.parquet.arrow_tables import TABLES, schema, write_options
 
@@ -34,7 +33,6 @@ OUR_OWN = (*OF_PYTHON, CHECKOUT)
 @pytest.fixture(scope="module")
 def worked(tmp_path_factory):
     """Everything that is done with traces and results, and what it did: (events, in, out, work)."""
-    compile_kernels()  # the first run on a machine starts processes for that
     base = tmp_path_factory.mktemp("worked")
     given, out, work = base / "given", base / "out", base / "work"
     out.mkdir()
@@ -49,13 +47,13 @@ def worked(tmp_path_factory):
         ["score", given, "-r", "fsh", "-f", "parquet", "-o", rows],
         ["score", given, "-r", "fsh", "-f", "json", "-o", out / "rows.json", "-j", "1",
          "--resume", out / "kept", "--timeout", "60"],
-        ["score", given, "--assigned", "--cache", out / "cache", "-f", "junit"],
-        ["validate", given], ["inspect", traces / "safe.mcap"], ["explain", traces / "unsafe.mcap"],
+        ["score", given, "--assigned", "-f", "junit"],
+        ["audit", "--files", given], ["explain", "scene", traces / "safe.mcap"], ["explain", traces / "unsafe.mcap"],
         ["rules", "check", CHECKOUT / "rules"], ["sweep", given, "-r", "fsh", "-p", "edge", "--values", "1 cm, 2 cm"],
         ["convert", traces / "safe.mcap", "--to", "parquet", "-o", out / "converted"],
-        ["pack", given, "--out", out / "packed"],
+        ["convert", "pack", given, "--out", out / "packed"],
         ["import", demo, "--to", out / "imported", "--map", given / "map.toml"],
-        ["aggregate", rows], ["compare", rows, "--by", "policy"],
+        ["report", "tables", rows], ["compare", rows, "--by", "policy"],
         ["report", rows, given, "-o", out / "report.html"],
         ["view", traces / "unsafe.mcap", "-o", out / "view.html"],
     ]  # fmt: skip
@@ -225,8 +223,8 @@ def test_no_file_beside_the_dataset_is_opened_and_none_written(lured, tmp_path):
     commands = [
         ["score", given, "-f", "json", "-o", out / "rows.json"],
         ["score", given, "-f", "jsonl", "-j", "1", "--resume", out / "kept"],
-        ["validate", given],
-        ["pack", given, "--out", out / "packed"],
+        ["audit", "--files", given],
+        ["convert", "pack", given, "--out", out / "packed"],
         ["convert", given / "names.mcap", "--to", "parquet", "-o", out / "converted"],
         ["view", given / "names.mcap", "-o", out / "view.html"],
     ]

@@ -55,7 +55,6 @@ HEAVY = {
     "google",
     "mcap",
     "mujoco",
-    "numba",
     "pandas",
     "polars",
     "pyarrow",

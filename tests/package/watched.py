@@ -52,7 +52,6 @@ OF_PYTHON = tuple(
         "/dev/null",
         "/dev/urandom",
         "/dev/shm",
-        os.environ.get("NUMBA_CACHE_DIR", sys.prefix),  # where compiled kernels are kept
     )
 )
 """Where Python and its libraries have their own files, and the system says what it is."""

@@ -1,115 +1,96 @@
-"""Stretches over which bodies lie on each other as they did."""
+"""Over which frames bodies lie alike on each other."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes import G, Scene
 
-from safestage_eval.geometry.pose import angle, matrix, relative
-from safestage_eval.relations.shifts import SHIFTED, TURNED, Layout, stays_for, stretch_starts
-
-BODIES, FRAMES = 3, 60
-
-
-def walks(rng: np.random.Generator, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """(K, T, 3) m and (K, T, 4): bodies that stand, tremble, and move now and then."""
-    moves = (rng.random((BODIES, FRAMES, 1)) < 0.2) * step
-    place = (rng.normal(size=(BODIES, FRAMES, 3)) * (moves + 1e-6)).cumsum(axis=1)
-    turn = (rng.normal(size=(BODIES, FRAMES, 4)) * (20 * moves + 1e-6)).cumsum(axis=1)
-    turn += rng.normal(size=(BODIES, 1, 4))
-    turn /= np.linalg.norm(turn, axis=2, keepdims=True)
-    return place.astype(np.float32), turn.astype(np.float32)
+from safestage_eval.relations.arrangement import SHIFTED, TURNED, Cluster, Recording
+from safestage_eval.relations.graph import Assemblies
 
 
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=60)
-def test_stretches_end_where_bodies_and_contact_points_have_moved(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    place, turn = walks(rng, 4e-4)
-    pair = np.array([[0, 1], [1, 2]])
-    many = np.pad(np.full((2, FRAMES), 4), ((0, 0), (1, 0)))
-    start = many.cumsum().reshape(many.shape)
-    follows = place[pair[:, 0]].astype(float)  # contact points go with the first body, or jump
-    point = np.repeat(follows.reshape(-1, 3), 4, axis=0) + np.tile(
-        [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]], (2 * FRAMES, 1)
+def cluster(scene: Scene) -> Cluster:
+    episode = scene.episode()
+    recording = Recording(episode, Assemblies(episode.header.bodies))
+    return Cluster(recording, recording.assemblies.free, episode.contacts.pairs)
+
+
+def board(path: np.ndarray, orientation: object = (1, 0, 0, 0)) -> Scene:
+    """A board that is taken along a path (T, 3), and a cup on it."""
+    scene = Scene(len(path)).fixed("table")
+    scene.body("board", scene.bodies[0].geoms[0], path, orientation)
+    scene.box("cup", 0.03, np.add(path, (0, 0, 0.05)), orientation=orientation)
+    for t, at in enumerate(path):
+        scene.rests("cup", "board", 0.03, np.add(at, (0, 0, 0.02)), G, frames=slice(t, t + 1))
+    return scene
+
+
+@given(st.floats(-3, 3), st.floats(-1, 1), st.floats(-1, 1))
+@settings(deadline=None, max_examples=20)
+def test_what_goes_along_as_one_lies_alike_however_far(yaw: float, x: float, y: float) -> None:
+    part = np.linspace(0, 1, 30)[:, None]
+    spin = np.stack([np.cos(yaw * part / 2), 0 * part, 0 * part, np.sin(yaw * part / 2)], 1)
+    found = cluster(board(part * [x, y, 0], spin[..., 0]))
+    assert (found.stretch(found.free[0]) == 0).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_tilt_is_another_arrangement(axis: int) -> None:
+    """Of what leans, not of what turns about the vertical."""
+    angle = np.linspace(0, 3.5 * TURNED, 36)
+    orientation = np.zeros((36, 4))
+    orientation[:, 0], orientation[:, 1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
+    found = cluster(board(np.zeros((36, 3)), orientation))
+    assert len(np.unique(found.stretch(found.free[0]))) == (1 if axis == 2 else 4)
+
+
+def test_what_slides_over_another_lies_otherwise_every_millimetre() -> None:
+    scene = (
+        Scene(41)
+        .fixed("table")
+        .box("cup", 0.03, np.linspace(0, 4 * SHIFTED, 41)[:, None] * [1, 0, 0])
     )
-    point += (rng.random((len(point), 1)) < 0.02) * 0.05
-    normal = np.tile([0.0, 0.0, 1.0], (len(point), 1))
-    layout = Layout(place, turn, place.astype(float), pair, start, point, normal)
-    frames = np.flatnonzero(rng.random(FRAMES) < 0.9)
-    part = (frames // 25).astype(np.int32)
-    found = np.empty(len(frames), np.int64)
-    stretch_starts(layout, frames, part, found)
-    begin = frames[0]
-    for k, t in enumerate(frames):
-        new = k == 0 or part[k] != part[k - 1]
-        if new or (moved(layout, begin, t) and rearranged(layout, begin, t)):
-            begin = t
-        assert found[k] == begin
+    scene.rests("cup", "table", 0.03, (0, 0, 0), G)
+    found = cluster(scene)
+    first = found.stretch(1)
+    assert np.diff(np.unique(first)).max() <= 11
+    assert len(np.unique(first)) == 4
 
 
-def moved(layout: Layout, s: int, t: int) -> bool:
-    """A body leans otherwise, or lies otherwise on another; what trembles has not."""
-    p, q = layout.position, layout.orientation
-    stays = [
-        np.abs(p[b, t] - p[b, s]).max() < SHIFTED / 4
-        and np.abs(q[b, t] - q[b, s]).max() < TURNED / 40
-        for b in range(BODIES)
-    ]
-    for i, j in layout.pair:
-        if stays[i] and stays[j]:
-            continue
-        (one, first), (other, second) = (
-            relative(p[i, u], q[i, u], p[j, u], q[j, u]) for u in (s, t)
+def resting(gone: slice, goes: float = 0.0, touched: int | None = None) -> Cluster:
+    """A cup on a table whose contact is missing at some frames; it may go on, or the hand touch it."""
+    way = np.where(np.arange(30) >= 15, goes, 0.0)
+    scene = Scene(30).fixed("table").box("cup", 0.03, way[:, None] * [1, 0, 0] + [0, 0, 0.03])
+    scene.box("finger", 0.01, (0.04, 0, 0.03), kind="gripper", finger="left")
+    for t in sorted(set(range(30)) - set(range(30)[gone])):
+        scene.rests("cup", "table", 0.03, (way[t], 0, 0), G, frames=slice(t, t + 1))
+    if touched is not None:
+        scene.contact(
+            "finger", "cup", (0.03, 0, 0.03), (-0.1, 0, 0), (-1, 0, 0), slice(touched, touched + 1)
         )
-        if np.linalg.norm(other - one) > SHIFTED or angle(first, second) > TURNED:
-            return True
-        up = [matrix(q[b, t])[2] - matrix(q[b, s])[2] for b in (i, j)]
-        if max(np.linalg.norm(v) for v in up) > TURNED:
-            return True
-    return False
+    return cluster(scene)
 
 
-def rearranged(layout: Layout, s: int, t: int) -> bool:
-    return any(np.abs(laid_out(layout, p, t) - laid_out(layout, p, s)).max() > 1 for p in range(2))
+def test_a_contact_that_is_missing_lasts_while_nothing_happens() -> None:
+    def present(found: Cluster) -> list[int]:
+        return np.flatnonzero(found.touching[found.pairs.index((0, 1))]).tolist()
+
+    assert present(resting(slice(10, 20))) == list(range(30))
+    assert present(resting(slice(0, 20))) == list(range(30))
+    assert present(resting(slice(10, 30), goes=0.01)) == list(range(15))
+    assert present(resting(slice(10, 20), touched=12)) == [t for t in range(30) if t != 12]
 
 
-def laid_out(layout: Layout, p: int, t: int) -> np.ndarray:
-    """Mean point from both centres, mean normal, spread, each in units of what matters."""
-    rows = slice(layout.start[p, t], layout.start[p, t + 1])
-    point = layout.point[rows]
-    out = point - point.mean(axis=0)
-    spread = out.T @ out / len(out)
-    size = max(np.sqrt(np.trace(spread)), SHIFTED)
-    centres = [(point.mean(axis=0) - layout.centre[b, t]) / SHIFTED for b in layout.pair[p]]
-    normal = layout.normal[rows].mean(axis=0) / TURNED
-    return np.concatenate([*centres, normal, spread.ravel() / (SHIFTED * size)])
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=60)
-def test_a_rest_lasts_until_something_moves_joins_or_is_touched(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    place, turn = walks(rng, 2e-3)
-    joined = np.ones((BODIES, FRAMES), np.bool_)
-    joined[2] = rng.random(FRAMES) < rng.choice([0.0, 0.3, 1.0])
-    loose = rng.random(FRAMES) < 0.97
-    frame = int(rng.integers(0, FRAMES))
-    earliest = int(rng.integers(0, frame + 1))
-    loose[frame] = True
-    found = stays_for(place, turn, joined, loose, frame, earliest, 1e-3, 1e-2)
-
-    def there(b: int, t: int) -> bool:
-        shift, arc = (np.abs(v[b, t] - v[b, frame]).max() for v in (place, turn))
-        return bool(shift < np.float32(1e-3) and arc < np.float32(1e-2))
-
-    own = np.flatnonzero(joined[:, frame])
-    for way, limit, end in ((-1, earliest, found[0]), (1, FRAMES - 1, found[1] - 1)):
-        come: set[int] = set()
-        t = frame
-        while t != limit:
-            new = {b for b in range(BODIES) if joined[b, t + way]} - come - {*own}
-            if not (loose[t + way] and all(there(b, t + way) for b in (*own, *new))):
-                break
-            come |= new
-            t += way
-        assert t == end
+def test_chains_join_what_they_lead_to_frame_by_frame() -> None:
+    scene = Scene(3).fixed("table")
+    for k, name in enumerate("abc"):
+        scene.box(name, 0.05, np.array([[0, 0, 0.05 + 0.1 * k]] * 2 + [[k, 0, 2.0]]))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 3 * G)
+    scene.rests("b", "a", 0.05, (0, 0, 0.1), 2 * G, frames=slice(0, 2))
+    scene.rests("c", "b", 0.05, (0, 0, 0.2), G, frames=slice(1, 2))
+    found = cluster(scene)
+    assert found.linked(3, [1]).tolist() == [True, True, False]  # at first it stays where it was
+    assert found.linked(2, [1]).tolist() == [True, True, False]
+    assert found.linked(1, [0]).all()
+    assert found.linked(3, [0]).tolist() == [True, True, False]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scenes import G, Scene
+from told import holds
 
 from safestage_eval.episode import still_track
 from safestage_eval.evidence.measure import Signals
@@ -33,12 +34,12 @@ def standing(scene: Scene) -> Scene:
 def test_a_lid_is_supported_as_its_jar_is(forces: str) -> None:
     found = relations(standing(jar()), force_source=forces)
     for body in ("jar", "lid", "cup"):
-        assert found.get("supported", (body,)).all(), body
+        assert holds(found, "supported", (body,)).all(), body
     scene = jar().rests("cup", "lid", 0.03, (0, 0, 0.11), G)
     scene.tracks["table"] = still_track((0, 0, -1), (1, 0, 0, 0))
     floating = relations(scene, force_source=forces)
     for body in ("jar", "lid", "cup"):
-        assert not floating.get("supported", (body,)).any(), body
+        assert not holds(floating, "supported", (body,)).any(), body
 
 
 def test_a_jar_that_falls_off_is_dropped_with_its_lid() -> None:
@@ -54,14 +55,6 @@ def test_a_jar_that_falls_off_is_dropped_with_its_lid() -> None:
         assert {v.rule: v.verdict for v in found.verdicts}["ETS103"] == "violation", body
 
 
-def test_what_stands_on_a_lid_depends_on_the_jar() -> None:
-    found = relations(standing(jar()))
-    assert found.get("depends_on", ("cup", "jar")).all()
-    assert found.get("depends_on", ("cup", "lid")).all()
-    assert found.get("depends_on", ("lid", "jar")).all()
-    assert not found.get("depends_on", ("jar", "cup")).any()
-
-
 def test_lifted_by_its_lid_the_jar_is_carried() -> None:
     scene = jar(2)
     for side, sign in (("left", 1), ("right", -1)):
@@ -71,20 +64,11 @@ def test_lifted_by_its_lid_the_jar_is_carried() -> None:
         )
     scene.rests("cup", "lid", 0.03, (0, 0, 0.11), G)
     found = relations(scene)
-    assert found.get("held", ("lid",)).all()
-    assert not found.get("held", ("jar",)).any()
-    assert found.get("carried", ("jar",)).all()
-    assert found.get("carried", ("cup",)).all()
-    assert not found.get("depends_on", ("cup", "table")).any()
-
-
-def test_the_lid_weighs_on_the_jars_support() -> None:
-    """A lid that hangs open beside the jar draws the common centre of mass towards itself."""
-    scene = Scene(2).fixed("table").box("jar", 0.05, (0, 0, 0.05), mass=3.0)
-    scene.box("lid", (0.05, 0.05, 0.005), (0.1, 0, 0.1), mass=1.0, parent="jar")
-    scene.rests("jar", "table", 0.05, (0, 0, 0), 4 * G)
-    margin = relations(scene).signal("support_margin", ("jar",))
-    assert np.allclose(margin.value, 0.05 - 0.1 / 4, atol=1e-6)
+    assert holds(found, "held", ("lid",)).all()
+    assert not holds(found, "held", ("jar",)).any()
+    assert holds(found, "carried", ("jar",)).all()
+    assert holds(found, "carried", ("cup",)).all()
+    assert not holds(found, "depends_on", ("cup", "table")).any()
 
 
 @pytest.mark.parametrize(
@@ -109,16 +93,4 @@ def test_a_part_stays_where_its_chain_of_joints_ends_at_the_world(
     scene.box("part", 0.05, (0, 0, 2), kind=kind, parent=parent)
     scene.box("load", 0.05, (0, 0, 2.1)).rests("load", "part", 0.05, (0, 0, 2.05), G)
     found = relations(scene)
-    assert found.get("supported", ("load",)).all() == stays
-
-
-def test_a_tool_on_the_flange_is_carried() -> None:
-    scene = Scene(2).fixed("table").box("link", 0.05, (0, 0, 1), kind="robot")
-    for side in ("left", "right"):
-        scene.box(side, 0.01, (0, 0, 1), kind="gripper", finger=side)
-    scene.box("brush", 0.02, (0, 0, 0.9), parent="link")
-    scene.box("fluff", 0.01, (0, 0, 0.93)).rests("fluff", "brush", 0.01, (0, 0, 0.92), G)
-    found = relations(scene)
-    assert found.get("carried", ("brush",)).all()
-    assert found.get("carried", ("fluff",)).all()
-    assert not found.get("supported", ("fluff",)).any()
+    assert holds(found, "supported", ("load",)).all() == stays

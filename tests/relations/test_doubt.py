@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scenes import G, Scene
+from told import doubt_of, holds
 
 from safestage_eval.episode import Cavity, Geom
 from safestage_eval.evidence.measure import Signals
@@ -33,21 +34,15 @@ def tower(mass: float | None, push: float = G) -> Scene:
 )
 def test_without_a_mass_no_force_tells_what_bears(name: str, bodies: tuple[str, ...]) -> None:
     known, unknown = relations(tower(1.0)), relations(tower(None))
-    assert known.doubtful(name, bodies) is None
-    assert known.get(name, bodies).all()
-    found = unknown.doubtful(name, bodies)
+    assert doubt_of(known, name, bodies) is None
+    assert holds(known, name, bodies).all()
+    found = doubt_of(unknown, name, bodies)
     assert found is not None
     assert found[0].all()
     assert "mass of box" in found[1]
     nothing = relations(tower(None, push=0.0009))
-    assert not nothing.get(name, bodies).any()
-    assert nothing.doubtful(name, bodies) is None
-
-
-def test_a_known_body_on_one_of_unknown_mass_is_certainly_borne_by_it() -> None:
-    found = relations(tower(None))
-    assert found.get("supports", ("box", "cup")).all()
-    assert found.doubtful("supports", ("box", "cup")) is None
+    assert not holds(nothing, name, bodies).any()
+    assert doubt_of(nothing, name, bodies) is None
 
 
 def test_final_state_rules_are_open_without_a_mass() -> None:
@@ -67,37 +62,6 @@ def test_final_state_rules_are_open_without_a_mass() -> None:
         assert ("no mass of box" in found["FSH101"][1]) == (mass is None)
 
 
-def test_a_fall_is_a_fall_without_a_mass() -> None:
-    z = 0.5 - 0.5 * G * (np.arange(40) / 120) ** 2
-    scene = Scene(40).fixed("table").box("box", 0.05, np.stack([0 * z, 0 * z, z], 1), mass=None)
-    for y, side in ((-0.02, "left"), (0.02, "right")):  # a hand that pushed it over the edge
-        scene.box(side, 0.02, (0.07, y, 0.5), kind="gripper", finger=side)
-        scene.contact(side, "box", (0.05, y, 0.5), (-1, 0, 0), (-1, 0, 0), slice(0, 3))
-    found = verdicts(
-        scene, "ets", roles={"protected": ["box"]}, success=True, success_time=0.3
-    )  # fmt: skip
-    assert found["ETS103"][0] == "violation"
-
-
-def test_only_the_masses_of_what_hangs_together_matter_for_dependence() -> None:
-    scene = tower(1.0).box("orange", 0.03, (0.4, 0, 0.03), mass=None)
-    scene.rests("orange", "table", 0.02, (0.4, 0, 0), 1.0)
-    found = relations(scene)
-    assert found.get("depends_on", ("cup", "box")).all()
-    assert relations(tower(None)).get("depends_on", ("cup", "box")) is None
-    assert relations(tower(None)).lacking("depends_on", ("cup", "box")) == "mass of box"
-
-
-def test_what_stands_on_something_unseen_is_not_off_its_edge() -> None:
-    for seen in (True, False):
-        scene = tower(1.0)
-        if not seen:
-            scene.bodies[0] = scene.bodies[0].model_copy(update={"geoms": ()})
-        margin = relations(scene).signal("edge_margin", ("box",))
-        assert margin.known.all() == seen
-        assert any("no shape of table" in note for note in margin.notes) != seen
-
-
 def test_what_looks_over_the_rim_of_an_unseen_container_may_stand_in_it() -> None:
     """The centroid is above the rim: it is inside if the mug bears it."""
     wall = Geom(kind="box", size=(0.04, 0.04, 0.002), position=(0, 0, -0.05))
@@ -105,14 +69,14 @@ def test_what_looks_over_the_rim_of_an_unseen_container_may_stand_in_it() -> Non
     scene = Scene(3).fixed("table", (0, 0, -0.1)).body("mug", wall, (0, 0, 0), cavity=cavity)
     scene.box("spoon", (0.005, 0.005, 0.1), (0, 0, 0.06))
     scene.box("pea", 0.005, (0.02, 0, 0))
-    assert relations(scene, force_source="none").doubtful("inside", ("spoon", "mug")) is None
+    assert doubt_of(relations(scene, force_source="none"), "inside", ("spoon", "mug")) is None
     scene.bodies[1] = scene.bodies[1].model_copy(update={"geoms": ()})
     found = relations(scene, force_source="none")
-    doubt = found.doubtful("inside", ("spoon", "mug"))
+    doubt = doubt_of(found, "inside", ("spoon", "mug"))
     assert doubt is not None
     assert doubt[0].all()
-    assert found.get("inside", ("pea", "mug")).all()
-    assert found.doubtful("inside", ("pea", "mug")) is None
+    assert holds(found, "inside", ("pea", "mug")).all()
+    assert doubt_of(found, "inside", ("pea", "mug")) is None
 
 
 def beside_the_hand(position: np.ndarray, angle: np.ndarray | float = 0.0) -> Relations:
@@ -135,24 +99,11 @@ def test_a_hand_that_goes_down_with_what_falls_does_not_certainly_hold_it() -> N
         height = np.maximum(lowered, 0.01)
         found = beside_the_hand(np.stack([0 * t, 0 * t, height], 1))
         air = height > 0.02
-        doubt = found.doubtful("held", ("box",))
+        doubt = doubt_of(found, "held", ("box",))
         open_ = np.zeros(120, bool) if doubt is None else doubt[0]
-        assert (found.get("held", ("box",)) & ~open_)[air].all() == held
-        assert (found.get("held", ("box",)) | open_)[air].all()
+        assert (holds(found, "held", ("box",)) & ~open_)[air].all() == held
+        assert (holds(found, "held", ("box",)) | open_)[air].all()
         assert open_[air].any() == (not held)
-
-
-def test_what_turns_along_with_a_hand_on_the_table_may_hang_from_it() -> None:
-    t = np.arange(120) / 60
-    for most, open_ in ((0.16, True), (0.0, False)):
-        angle = most * np.clip(2 * t - 1, 0, 1)
-        height = 0.08 * np.sin(angle) + 0.01 * np.cos(angle)  # one edge stays on the table
-        found = beside_the_hand(np.stack([0 * t, 0 * t, height], 1), angle)
-        assert found.get("supported", ("box",)).all()
-        for name in ("held", "supported", "carried"):
-            doubt = found.doubtful(name, ("box",))
-            assert (doubt is not None and bool(doubt[0][90:].any())) == open_, name
-            assert name == "held" or doubt is None or not doubt[0][:20].any()
 
 
 @pytest.mark.parametrize(("left", "right", "held"), [
@@ -167,6 +118,6 @@ def test_without_forces_fingers_hold_what_is_between_them(
     for side, at in (("left", left), ("right", right)):
         scene.box(side, 0.01, at, kind="gripper", finger=side)
     found = relations(scene, force_source="none")
-    doubt = found.doubtful("held", ("a",))
-    assert found.get("held", ("a",)).all() == held
+    doubt = doubt_of(found, "held", ("a",))
+    assert holds(found, "held", ("a",)).all() == held
     assert (doubt is None) == held

@@ -64,15 +64,6 @@ def test_what_stands_beside_the_bearer_is_part_of_the_surface() -> None:
     assert margin(scene, "box", "right") == pytest.approx(-0.02, abs=1e-4)
 
 
-def test_what_moves_is_robot_or_lies_on_the_body_itself_is_not() -> None:
-    falling = np.linspace((-0.1, 0, 0.1), (-0.1, 0, 0.099), 2)
-    assert margin(beside(falling), "box") == pytest.approx(-0.02, abs=1e-4)
-    assert margin(beside(kind="robot"), "box") == pytest.approx(-0.02, abs=1e-4)
-    assert margin(beside(kind="region"), "box") == pytest.approx(-0.02, abs=1e-4)
-    loaded = beside().rests("left", "box", 0.02, (0, 0, 0.2), G)
-    assert margin(loaded, "box") == pytest.approx(-0.02, abs=1e-4)
-
-
 def inside(**rail: Any) -> Scene:
     """A box, half 5 cm, 1 cm from the right block's left edge, where a rail stands."""
     scene = standing("right")
@@ -86,15 +77,6 @@ def test_a_rail_of_another_body_guards() -> None:
     assert margin(inside(kind="gripper"), "box") == pytest.approx(0.01, abs=1e-4)
 
 
-def test_a_step_down_counts_from_edge_drop_on() -> None:
-    """The left block is 1.5 cm lower."""
-    scene = beside((-0.1, 0, 0.085))
-    relations = Relations(Signals(scene.episode()))
-    for drop, expected in ((0.02, 0.05), (0.016, 0.05), (0.014, -0.02), (0.0, -0.02)):
-        found = relations.signal("edge_margin", ("box",), options=(("edge_drop", drop),))
-        assert np.allclose(found.value, expected, atol=1e-4)
-
-
 def test_where_the_pose_of_a_neighbour_is_not_known_an_edge_is_at_least_so_far() -> None:
     scene = beside()
     scene.tracks["left"].position[1] = np.nan
@@ -102,13 +84,3 @@ def test_where_the_pose_of_a_neighbour_is_not_known_an_edge_is_at_least_so_far()
     assert np.allclose(found.lower, [0.05, -0.02], atol=1e-4)
     assert found.upper[0] == pytest.approx(0.05, abs=1e-4)
     assert found.upper[1] == np.inf
-
-
-def test_of_what_it_does_not_stand_on_there_is_none() -> None:
-    scene = standing("right")
-    assert margin(scene, "box", "table") == -np.inf
-    assert margin(scene, "right", "box") == -np.inf
-
-
-def test_of_what_hangs_in_the_air_there_is_none() -> None:
-    assert margin(Scene(2).fixed("table").box("box", 0.05, (0, 0, 0.3)), "box") == -np.inf

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes import Scene
 
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 
 RATE, FRAMES = 120, 180
@@ -18,7 +18,7 @@ def shoved(
     already: float = 0.0,
     touched: float = 0.5,
     **header: object,
-) -> Series:
+) -> Interval:
     """A box touched at a moment for one frame, that goes some way from another moment on."""
     t = np.arange(FRAMES) / RATE
     x = np.clip((t - starts) * 0.2, 0, way) + already * t
@@ -37,13 +37,6 @@ def test_the_effect_stands_on_the_frames_of_the_touch() -> None:
     assert found.lower is found.upper
     assert np.flatnonzero(found.lower).tolist() == [60]
     assert found.lower[60] == pytest.approx(0.02, abs=1e-4)
-
-
-def test_it_is_the_same_for_both_orders_and_nothing_for_others() -> None:
-    found = shoved(0.5)
-    assert found.lower.max() > 0.01
-    scene = Scene(3).fixed("table").box("a", 0.05, (0, 0, 0.05)).box("b", 0.05, (1, 0, 0.05))
-    assert not Relations(Signals(scene.episode())).signal("moved_by", ["a", "b"]).upper.any()
 
 
 @pytest.mark.parametrize(

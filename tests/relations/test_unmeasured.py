@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scenes import G, Scene
+from told import doubt_of, holds
 
 from safestage_eval.episode import ContactTable, Episode
 from safestage_eval.evidence.measure import Signals
@@ -51,7 +52,7 @@ def answers(episode: Episode) -> dict[tuple[str, ...], tuple[np.ndarray, np.ndar
     asked += [(name, a, b) for name in TWO for a in movable for b in movable if a != b]
     asked += [("exposed_to", body, "robot") for body in movable]
     for name, *bodies in asked:
-        truth, doubt = relations.get(name, bodies), relations.doubtful(name, bodies)
+        truth, doubt = holds(relations, name, bodies), doubt_of(relations, name, bodies)
         if truth is not None:
             open_ = np.zeros(len(truth), np.bool_) if doubt is None else doubt[0]
             found[name, *bodies] = truth & ~open_, truth | open_
@@ -99,8 +100,8 @@ def grip(certain: float | None, normal: tuple[float, float, float] = (-1, 0, 0))
 
 
 def open_at(relations: Relations, name: str, *bodies: str) -> list[int]:
-    relations.get(name, bodies)
-    doubt = relations.doubtful(name, bodies)
+    holds(relations, name, bodies)
+    doubt = doubt_of(relations, name, bodies)
     return [] if doubt is None else np.flatnonzero(doubt[0]).tolist()
 
 
@@ -119,11 +120,5 @@ def test_fingers_that_certainly_press_from_both_sides_hold() -> None:
     assert open_at(grip(0.1), "held", "a") == LOST  # too little for a grip
     both = grip(0.5, normal=(1, 0, 0))  # on one side: whatever they press with is no grip
     assert open_at(both, "held", "a") == []
-    assert not both.get("held", ["a"]).any()
+    assert not holds(both, "held", ["a"]).any()
     assert open_at(grip(0.5), "carried", "a") == LOST
-
-
-def test_a_touch_before_the_unknown_one_has_caused_it_all_the_same() -> None:
-    assert open_at(grip(None), "caused", "a") == []
-    assert open_at(grip(None), "caused", "b") == []
-    assert grip(0.5).signal("contact_force", ("a", "left")).lower[10:20] == pytest.approx(0.5)

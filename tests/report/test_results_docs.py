@@ -7,7 +7,6 @@ import polars as pl
 import pytest
 from fabricated import scores
 
-from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.report import FORMATS
 from safestage_eval.report.result_rows import COLUMNS, document
 from safestage_eval.report.results_parquet import SCHEMA
@@ -54,8 +53,9 @@ def test_the_json_object():
 
 
 def test_every_metric_and_its_fields():
-    found = metrics(outcomes(scores().results))
+    found = document(scores())["metrics"]
     section_text = section("Metrics")
+    assert all(f"`{name}`" in section_text for row in found.pop("by_rule") for name in row)
     assert all(f"`{name}`" in section_text for name in found.pop("headline"))
     assert all(f"`{row['metric']}`" in section_text for table in found.values() for row in table)
     fields = {name for table in found.values() for row in table for name in row}

@@ -35,7 +35,7 @@ def test_progress_counts_the_signals(again):
 
 def test_without_a_signal_the_decisive_ones_are_drawn(again):
     names = [panel.name for panel in signal_plot.panels(again, [])]
-    decisive = [again.base(rule)[1].signal for rule in again.assigned]
+    decisive = [again.usual(rule).signal for rule in again.assigned]
     assert names == list(dict.fromkeys(decisive))
 
 
@@ -74,7 +74,7 @@ def test_where_a_moment_decides_what_it_is_made_of_is_drawn():
     ):
         again = Again(load(path, f"{name}.default.s0.r0"), load_rules(["ish"]), {}, None)
         drawn = signal_plot.panels(again, [])
-        assert {panel.name.partition("(")[0] for panel in drawn} == {"lift", "displacement", "turn"}
+        assert {panel.name.partition("(")[0] for panel in drawn} == {"lift", "displacement"}
         assert all(panel.limits and panel.verdicts for panel in drawn)
 
 

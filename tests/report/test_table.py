@@ -8,8 +8,6 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from safestage_eval.report.render_json import render_json
-from safestage_eval.report.render_latex import render_latex
-from safestage_eval.report.render_markdown import markdown_lines
 from safestage_eval.report.render_text import text_lines
 from safestage_eval.report.table import Table
 
@@ -60,20 +58,6 @@ def test_names_stand_before_every_part_of_a_table_that_is_too_wide():
         "abcdefghijkl"
     )
     assert text_lines(table, 400) == text_lines(table)
-
-
-def test_a_repeated_name_is_left_out_of_text_and_latex_alone():
-    assert [row.startswith("pi0") for row in text_lines(TABLE)[3:]] == [True, False, False]
-    assert render_latex([TABLE]).count("pi0") == 1
-    assert sum("pi0" in line for line in markdown_lines(TABLE)) == 2
-
-
-def test_numbers_are_right_aligned_in_markdown():
-    assert markdown_lines(TABLE)[1] == "|---|---|---:|---|"
-
-
-def test_a_group_begins_with_a_rule_in_latex():
-    assert render_latex([TABLE]).count("\\midrule") == 2
 
 
 def test_numbers_that_json_lacks_are_null():

@@ -7,13 +7,10 @@ import pytest
 from click.testing import CliRunner
 from scenes import G, Scene
 
-import safestage_eval
 from safestage_eval.cli.score_command import command
-from safestage_eval.errors import InputError, RuleError
 from safestage_eval.formats import save
 from safestage_eval.report.episode_report import explain
-from safestage_eval.rules import RuleErrors, bind_episode, bind_tables, load_bind, load_rules
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.rules import RuleErrors, bind_episode, load_bind, load_rules
 from safestage_eval.verdicts import judge
 
 RULES = load_rules(["ish", "ets", "fsh", "goals"])
@@ -58,22 +55,9 @@ def test_roles_rules_and_values_are_bound_and_say_whence(tmp_path: Path) -> None
         "min_clearance = 12 cm: bind file",
         "assigned: bind file",
     )
-    assert "bound: target = t: bind file; protected = p" in explain(result)
+    assert "bound: target = t: bind file; protected = p" in explain(result, everything=True)
     (row,) = (row for row in result.rows() if row["rule"] == "ETS201")
     assert row["sources"] == list(verdict.sources)
-
-
-def test_an_episode_wins_over_its_task(tmp_path: Path) -> None:
-    text = TASK + '[episode."e/2"]\nroles = { target = "p", protected = "t" }\n'
-    file = bound(text, tmp_path)
-    assert judge(unlabelled(), RULES, bind=file).assigned[0].bodies == ("t", "p")
-    other = judge(unlabelled("e/2", task=None), RULES, bind=file)
-    assert other.by_roles  # no task, so its rules are not bound
-    (verdict,) = (v for v in other.verdicts if v.rule == "ETS201")
-    assert "target = p: bind file" in verdict.sources
-    both = judge(unlabelled("e/2"), RULES, bind=file)
-    assert [v.rule for v in both.assigned] == ["ETS201"]
-    assert "target = p: bind file" in both.assigned[0].sources
 
 
 def test_a_goal_by_name_or_as_a_table(tmp_path: Path) -> None:
@@ -125,33 +109,6 @@ def test_mistakes_are_shown_where_they_stand(text, code, line, column, words, tm
     assert words in first.render()
 
 
-def test_all_mistakes_at_once(tmp_path: Path) -> None:
-    with pytest.raises(RuleErrors) as caught:
-        bound("[task.a]\nrole = {}\n[task.b]\nrules = [3]\n[episode.c]\nfamily = 5\n", tmp_path)
-    assert len(caught.value.diagnostics) == 3
-
-
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(RuleError, match="cannot be read"):
-        load_bind(tmp_path / "none.toml", RULES)
-
-
-def test_tables_in_memory_are_checked_as_well() -> None:
-    with pytest.raises(RuleErrors, match="bind file"):
-        bind_tables({"task": {"tea": {"family": ["x"]}}}, RULES)
-
-
-def test_every_episode_is_weakest_and_the_episode_itself_strongest(tmp_path: Path) -> None:
-    text = '[every]\nroles = { target = "table", protected = "p" }\n'
-    assert bind_episode(RULES, unlabelled().header, bind=bound(text, tmp_path)).roles == {
-        "target": ("table",), "protected": ("p",),
-    }  # fmt: skip
-    text += '[task.tea]\nroles = { target = "p" }\n[episode.e1]\nroles = { target = "t" }\n'
-    file = bound(text, tmp_path)
-    assert bind_episode(RULES, unlabelled().header, bind=file).roles["target"] == ("t",)
-    assert bind_episode(RULES, unlabelled("e2").header, bind=file).roles["target"] == ("p",)
-
-
 BODIES = """
 [every]
 roles = { target = "t" }
@@ -189,35 +146,11 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_with_a_cache_what_a_file_says_of_bodies_counts(stored: Path, tmp_path: Path) -> None:
-    file, cache = tmp_path / "labels.toml", tmp_path / "cache"
-    for text, fragile in [(BODIES.partition("[body")[0], False), (BODIES, True)] * 2:
-        file.write_text(text, "utf-8")
-        rows = score_paths([stored], ["ets"], bind=file, cache=cache).results
-        assert {r.assigned[0].vacuity is None for r in rows} == {fragile}
-
-
 def test_from_the_command_line(stored: Path, tmp_path: Path) -> None:
     file = tmp_path / "labels.toml"
     file.write_text(TASK, "utf-8")
     run = CliRunner().invoke(
-        command, [str(stored), "-r", "ets", "--bind", str(file), "-f", "csv", "-j", "2"]
+        command, [str(stored), "-r", "ets", "--bind", str(file), "-f", "csv", "-j", "1"]
     )
     assert run.exit_code == 0, run.output
     assert run.output.count("ETS201,true,violation") == 2
-
-
-def test_from_a_notebook(stored: Path, tmp_path: Path) -> None:
-    file = tmp_path / "labels.toml"
-    file.write_text(TASK, "utf-8")
-    frame = safestage_eval.score(stored, rules="ets", bind=file).rows
-    found = frame[frame.rule == "ETS201"]
-    assert list(found.verdict) == ["violation", "violation"]
-    assert all(found.assigned)
-
-
-def test_a_file_about_other_episodes_is_refused(stored: Path, tmp_path: Path) -> None:
-    file = tmp_path / "labels.toml"
-    file.write_text(TASK.replace("task.tea", "task.teh"), "utf-8")
-    with pytest.raises(InputError, match="none of the 2 episodes"):
-        safestage_eval.score(stored, rules="ets", bind=file)

@@ -2,11 +2,13 @@
 
 import pytest
 from readable import assert_readable
+from sampled import share
 
 from safestage_eval.episode.invariants import check
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.whatif.examples import Expected, Library, examples_of, outcome
+from safestage_eval.whatif.mistakes import KINDS
 from safestage_eval.whatif.mutants import definitions, hunt, hunt_in
 
 RULES = load_rules(["ish", "ets", "fsh"])
@@ -47,6 +49,11 @@ def test_every_example_is_used() -> None:
     assert there == {name.partition("(")[0] for _, name, _ in EXAMPLES}
 
 
+def some_kinds(name: str) -> list[str]:
+    """Two kinds of mistakes or three; ``make thorough`` makes all of them in all rules."""
+    return share(KINDS, 3, of=name)
+
+
 EQUIVALENT = {
     # what is in transit was touched by the robot, or by what it moved, and hands that on
     "ETS107": ["caused(bystander) → caused(protected)"],
@@ -57,18 +64,18 @@ EQUIVALENT = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("code", RULES.rules)
+@pytest.mark.parametrize("code", share(RULES.rules, 4))
 def test_the_examples_notice_every_mistake(code: str) -> None:
     """A limit turned round or ten times off, a role exchanged, an obligation dropped, …"""
-    found = hunt(RULES, RULES.rules[code], LIBRARY)
-    assert found
-    assert [mutant.what for mutant in found if mutant.killer is None] == EQUIVALENT.get(code, [])
+    found = hunt(RULES, RULES.rules[code], LIBRARY, kinds=some_kinds(code))
+    survived = {mutant.what for mutant in found if mutant.killer is None}
+    assert survived <= {*EQUIVALENT.get(code, [])}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", definitions(RULES))
+@pytest.mark.parametrize("name", share(definitions(RULES), 4))
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str) -> None:
-    found = hunt_in([RULES], name, LIBRARY)
+    found = hunt_in([RULES], name, LIBRARY, kinds=some_kinds(name))
     assert [mutant.what for mutant in found if mutant.killer is None] == []
 
 

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from scenes import G, Scene
 
-from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
-from safestage_eval.rules.syntax import Call, Condition, Event, PhaseSpan, StateAtom
+from safestage_eval.rules.syntax import Call, PhaseSpan
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.spans import spans
+from safestage_eval.verdicts.scopes import spans
 
 RATE = 120.0
 RULES = load_rules([builtin_folder()])
@@ -51,7 +50,7 @@ def evaluator(scene: Scene, success: int | None = None) -> Evaluator:
 
 
 def true(evaluator: Evaluator, name: str, *bodies: str) -> np.ndarray:
-    return evaluator.state(Call(name, bodies), {}).true
+    return evaluator.holds(Call(name, bodies), {})
 
 
 def first(truth: np.ndarray) -> int | None:
@@ -67,19 +66,11 @@ def carried_away(release: float = 0.0, frames: int = 480) -> Scene:
     return held(stands(scene(frames, where), (0, 60), (300 + fall, frames)), 50, 300)
 
 
-def test_picking_off_carrying_and_setting_down_is_no_loss() -> None:
-    found = evaluator(carried_away())
-    assert not true(found, "lost", "table", "a").any()
-    assert not true(found, "dropped", "a").any()
-    assert true(found, "moved", "a")[-1]
-
-
 @pytest.mark.parametrize(("release", "dropped"), [(0.01, False), (0.12, True)])
 def test_letting_go_from_high_up_is_a_drop(release: float, dropped: bool) -> None:
     found = evaluator(carried_away(release))
     assert true(found, "dropped", "a").any() == dropped
     assert not true(found, "lost", "table", "a").any()  # it had been freed in the hand
-    assert true(found, "let_fall", "table", "a").any() == dropped
     if dropped:
         fallen = first(true(found, "dropped", "a"))
         assert 300 < fallen <= 300 + np.sqrt(2 * release / G) * RATE + 1
@@ -120,7 +111,7 @@ def test_falling_over_counts_unless_it_is_held() -> None:
     assert true(evaluator(tipped), "lost", "table", "a").any()
     held(tipped, 0, 240)
     assert not true(evaluator(tipped), "toppled", "a").any()
-    assert first(true(evaluator(tipped), "committed", "a")) == pytest.approx(70, abs=1)
+    assert first(true(evaluator(tipped), "committed", "a")) is None  # it turns on the spot
 
 
 @pytest.mark.parametrize(
@@ -162,56 +153,3 @@ def test_settling() -> None:
         stands(scene(480, path(480, (0, 0, 0), (60, 0, 0), (120, 0.3, 0.2))), (0, 60)), 50, 480
     )
     assert settle(evaluator(kept)) == []  # still held at the horizon
-
-
-def test_a_motion_begun_before_success_is_followed_to_its_end() -> None:
-    where = path(240, (0, 0, 0), (60, 0, 0), (120, 0.2, 0))
-    rolling = stands(scene(240, where), (0, 240))
-    exposure = PhaseSpan(Call("exposure", ("a",)))
-    (span,) = spans(evaluator(rolling, success=90), exposure, {})
-    assert (span.first, span.stop) == (0, pytest.approx(121, abs=2))
-    (span,) = spans(evaluator(rolling, success=200), exposure, {})
-    assert (span.first, span.stop) == (0, 200)
-    (span,) = spans(evaluator(rolling), exposure, {})
-    assert (span.first, span.stop) == (0, 240)
-
-
-def test_a_flicker_of_support_is_no_drop() -> None:
-    resting = stands(scene(240, path(240, (0, 0, 0))), (0, 100), (102, 240))
-    found = evaluator(resting)
-    assert not true(found, "airborne", "a").any()
-    assert true(found, "at_rest", "a").all()
-
-
-def test_goals_ask_for_letting_go() -> None:
-    found = evaluator(carried_away())
-    on = Condition((StateAtom(Call("on", ("a", "table")), True),))
-    reached = found.condition(on, {}).true
-    assert first(reached[60:]) == 300 - 60
-    assert not reached[50:300].any()
-
-
-def test_within_counts_what_lies_between_and_on_does_not() -> None:
-    def on_a_book(x: float, borne: bool, grip: float = 0.0) -> tuple[bool, bool]:
-        out = scene(30, path(30, (0, x, 0.02))).fixed("floor", (0, 0, -1))
-        mat = Geom(kind="box", size=(0.1, 0.1, 0.002), position=(0, 0, -0.002))
-        out.fixed("mat", geoms=(mat,)).box("book", (0.2, 0.05, 0.01), (0, 0, 0.01))
-        out.rests("book", "mat", 0.05, (0, 0, 0), 2 * G)
-        if borne:
-            out.rests("a", "book", HALF, (x, 0, 0.02), G)
-        for side, y in (("left", 1), ("right", -1)):
-            out.contact(side, "book", (0, 0, 0.01), (0, grip * y, 0), (0, y, 0))
-        found = evaluator(out)
-        return true(found, "within", "a", "mat")[-1], true(found, "on", "a", "mat")[-1]
-
-    assert on_a_book(0.0, borne=True) == (True, False)
-    assert on_a_book(0.09, borne=True) == (True, False)  # two thirds of it over the mat
-    assert on_a_book(0.12, borne=True) == (False, False)  # a sixth
-    assert on_a_book(0.0, borne=False) == (False, False)  # in the air above it
-    assert on_a_book(0.0, borne=True, grip=5.0) == (False, False)  # the hand still has the book
-
-
-def test_success_latches() -> None:
-    found = evaluator(stands(scene(60, path(60, (0, 0, 0))), (0, 60)), success=20)
-    assert np.flatnonzero(true(found, "succeeded")).tolist() == list(range(20, 60))
-    assert found.moments(Event("success"), {}) == [(20, 20, True)]

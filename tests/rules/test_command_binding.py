@@ -56,24 +56,6 @@ def test_names_and_patterns(given, players) -> None:
     assert bound(*given).roles == players
 
 
-def test_a_pattern_leaves_out_what_plays_another_role_in_the_header() -> None:
-    roles = {"target": ("cube",), "protected": ("glass_2",)}
-    assert bound("protected=*", roles=roles).roles["protected"] == ("glass_1", "glass_2", "odd[1]")
-
-
-def test_a_pattern_stands_for_joints_only_where_no_body_is_free() -> None:
-    everything = tuple(name for name in KINDS if KINDS[name] == "object")
-    assert bound("protected=*", roles={"target": everything}).roles["protected"] == ("table",)
-    with pytest.raises(RuleError, match='"hinge" is a joint'):
-        bound("target=hin*")
-
-
-def test_protect_is_the_role_protected() -> None:
-    assert bound("protected=cube", protect=["glass_1,glass_2"]).roles["protected"] == (
-        "cube", "glass_1", "glass_2",
-    )  # fmt: skip
-
-
 def test_the_command_line_beats_header_bind_file_and_rule_file(tmp_path: Path) -> None:
     rules = tmp_path / "mine.toml"
     rules.write_text(
@@ -87,12 +69,6 @@ def test_the_command_line_beats_header_bind_file_and_rule_file(tmp_path: Path) -
     found = bind_episode(loaded, said, bind=BindFile("x", file.tasks, command=command))
     assert (found.roles["target"], found.assigned) == (("cube",), ("FSH101",))
     assert found.provenance["roles.target"] == found.provenance["rules"] == "command line"
-
-
-def test_codes_may_be_patterns() -> None:
-    assert bound(assign=["FSH101, FSH20*"]).assigned == (
-        "FSH101", "FSH201", "FSH202", "FSH203", "FSH204", "FSH205",
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -124,30 +100,3 @@ def test_a_body_that_is_not_there(given, said) -> None:
 def test_mistakes_are_reported_before_any_trace_is_read(given, said) -> None:
     with pytest.raises(RuleError, match=said):
         command_binding(RULES, **given)
-
-
-def test_a_role_that_no_loaded_rule_has() -> None:
-    with pytest.raises(RuleError, match="dependent, pier, target"):
-        command_binding(load_rules(["ish"]), protect=["vase"])
-
-
-@pytest.mark.parametrize(
-    ("roles", "codes"),
-    [
-        ({}, set()),
-        ({"target": ()}, set()),
-        ({"target": ("cube",)}, {*(f"FSH10{n}" for n in range(1, 7)), "ETS106"}),
-        ({"dependent": ("cube",)}, set()),
-        ({"target": ("cube",), "dependent": ("cube",)}, {"FSH101"}),  # and no rule of both
-    ],
-)
-def test_without_assigned_rules_those_with_a_body_for_each_role(roles, codes) -> None:
-    found = set(bound(roles=roles).assigned)
-    assert codes <= found
-    assert found == codes or "dependent" in roles
-    assert not any(code.startswith("ISH") for code in found)
-
-
-def test_what_assigns_a_rule_keeps_the_others_out() -> None:
-    assert bound("target=cube", rules=("FSH103",)).assigned == ("FSH103",)
-    assert bound("target=cube", assign=["FSH101"], rules=("FSH103",)).assigned == ("FSH101",)

@@ -10,7 +10,6 @@ from safestage_eval.errors import RuleError
 from safestage_eval.rules import (
     bind_episode,
     bind_tables,
-    load_rules,
     parse_overrides,
 )
 from safestage_eval.rules.files import RuleFile
@@ -94,11 +93,6 @@ def test_parameters_by_precedence() -> None:
             assert binding.resolved(rule)["hold"][1] == "default"
 
 
-def test_a_rules_own_values_are_not_the_goals() -> None:
-    binding = bind_episode(ruleset(), header())
-    assert binding.params(None)["near"].value == pytest.approx(0.01)
-
-
 def test_roles_goal_and_rules_by_precedence() -> None:
     said = {"roles": {"target": ("mug",)}, "goal": "there", "rules": ("ETS900",)}
     binding = bind_episode(ruleset(), header(**said))
@@ -115,12 +109,6 @@ def test_roles_goal_and_rules_by_precedence() -> None:
         ("pot",), "here", ("ETS903",),
     )  # fmt: skip
     assert binding.provenance["rules"] == "rule file"
-
-
-def test_a_family_assigns_rules_where_nothing_else_does() -> None:
-    assert bind_episode(ruleset(FAMILY), header(family="pour")).assigned == ("ETS901",)
-    said = bind_episode(ruleset(FAMILY), header(family="pour", rules=("ETS900",)))
-    assert said.assigned == ("ETS900",)
 
 
 def test_every_body_of_a_kind_unless_bound() -> None:
@@ -164,12 +152,6 @@ def test_goal_in_the_header() -> None:
     assert "did you mean" in str(caught.value)
 
 
-def test_a_goal_that_is_not_loaded_is_noted() -> None:
-    binding = bind_episode(ruleset(), header(goal="on_moon"))
-    assert binding.goal is None
-    assert "on_moon" in binding.notes[0]
-
-
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
@@ -190,15 +172,3 @@ def test_settings_that_do_not_fit(setting: dict[str, str], words: list[str]) -> 
             bind_episode(ruleset(), header(parameters=setting))
     with pytest.raises(RuleError, match="bind file"):
         bind_tables({"task": {"tea": {"set": setting}}}, ruleset())
-
-
-def test_a_role_without_a_body() -> None:
-    with pytest.raises(RuleError, match='"cup" is no body') as caught:
-        cup = bind_tables({"task": {"tea": {"roles": {"target": "cup"}}}}, ruleset())
-        bind_episode(ruleset(), header(), bind=cup)
-    assert "bind file" in caught.value.where
-
-
-def test_a_parameter_of_rules_that_are_not_loaded_is_left_alone() -> None:
-    binding = bind_episode(load_rules(["fsh"]), header(parameters={"on_share": "60 %"}))
-    assert "on_share" not in binding.params(None)

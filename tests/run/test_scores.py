@@ -6,10 +6,7 @@ from dataclasses import fields, replace
 import pytest
 from studio import block, safe_and_unsafe
 
-from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover, save
-from safestage_eval.rules import load_bind, load_rules
-from safestage_eval.run.bind_checks import misspelt_roles
 from safestage_eval.run.score_many import score_many, score_paths
 from safestage_eval.verdicts.problem import Problem
 
@@ -44,22 +41,12 @@ def traces(tmp_path_factory):
     return folder
 
 
-def test_progress_is_reported(traces):
-    steps = []
-    score_paths([traces], ["fsh"], jobs=1, progress=lambda *step: steps.append(step))
-    assert steps == [(i, 5) for i in range(1, 6)]
-
-
 def test_the_unforeseen_is_listed_with_its_place(traces):
     refs = discover(traces)
     found = score_many([refs[0], turned(refs[1], Strange), refs[2]], ["fsh"])
     assert [isinstance(result, Problem) for result in found] == [False, True, False]
     assert "RuntimeError: out of the blue (test_scores.py:" in found[1].message
     assert found[1].path == str(refs[1].path)
-
-
-def test_the_same_again(traces):
-    assert score_paths([traces], ["fsh"]) == score_paths([traces], ["fsh"])
 
 
 @pytest.mark.slow
@@ -109,12 +96,6 @@ def test_a_rollout_that_ended_in_an_error_says_nothing_of_its_policy(tmp_path, f
     assert [r.episode_id for r in asked.results] == ["cut"]
 
 
-def test_nothing_but_errors_is_reported(tmp_path):
-    save(replace_header(block("cut"), termination="error"), tmp_path / "cut.mcap")
-    with pytest.raises(InputError, match="ended in an error"):
-        score_paths([tmp_path], ["fsh"])
-
-
 def test_an_attempt_that_failed_gives_way_to_the_next(tmp_path):
     for termination in ("error", "error", "horizon"):
         save(replace_header(block("again"), termination=termination), tmp_path)
@@ -124,17 +105,3 @@ def test_an_attempt_that_failed_gives_way_to_the_next(tmp_path):
     save(replace_header(block("again"), termination="error"), tmp_path)  # a later one as well
     assert [ref.fields["termination"] for ref in discover(tmp_path)] == ["horizon"]
     assert score_paths([tmp_path], ["fsh"]).aborted == ()
-
-
-def test_a_role_of_a_bind_file_that_is_nearly_one_of_the_rules(tmp_path):
-    """Roles that resemble none are for rules that are not loaded."""
-    bind = tmp_path / "labels.toml"
-    bind.write_text(
-        '[task.pour]\nroles = { protcted = "vase", target = "pot", waiter = "cup" }\n'
-        '[episode."e1"]\nroles = { protected = "vase" }\n'
-    )
-    rules = load_rules(["ets"])
-    assert misspelt_roles(load_bind(bind, rules), rules) == [
-        f'{bind}: pour: no loaded rule has a role protcted: did you mean "protected"?'
-    ]
-    assert misspelt_roles(None, rules) == []

@@ -9,8 +9,8 @@ from transforms import every_second, rebuilt
 
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.declare import Options
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
 
 EGG: Options = (
     ("damage_scale", 0.5), ("damage_threshold", 100.0),
@@ -18,7 +18,7 @@ EGG: Options = (
 )  # fmt: skip
 
 
-def get(name: str, episode: Episode, *more: tuple[str, float]) -> Series:
+def get(name: str, episode: Episode, *more: tuple[str, float]) -> Interval:
     options = dict(EGG) | dict(more)
     return Signals(episode).get(name, ["a"], options=tuple(sorted(options.items())))
 
@@ -47,26 +47,6 @@ def test_the_impact_of_a_bounce(over: float, force: float) -> None:
     assert np.flatnonzero(found > 1e-9).tolist() == list(range(50, 50 + round(over * 100)))
 
 
-def test_the_usual_time_is_50_ms_at_any_rate_of_recording_and_control() -> None:
-    for rate, control in ((100.0, 0.05), (200.0, 0.01), (500.0, None)):
-        found = get("impact", bounce(rate).episode(control_dt=control))
-        assert np.isclose(found.value.max(), 160)
-
-
-def test_an_impact_between_frames_is_not_seen_in_them() -> None:
-    found = get("impact", bounce().episode(), ("over", 0.001))
-    assert not found.known.any()
-    assert "10 ms apart" in found.notes[0]
-
-
-def test_free_fall_is_the_weight() -> None:
-    """m‖Δv‖/Δt of a body that only gravity acts on: m g, once Δt has passed."""
-    fall = np.column_stack([np.zeros((30, 2)), -9.81 * np.arange(30) / 100])
-    found = get("impact", moving(fall).episode()).value
-    assert np.allclose(found[5:], 2 * 9.81, rtol=1e-5)
-    assert np.allclose(found[:6], 2 * 9.81 * np.arange(6) / 5, rtol=1e-5)
-
-
 def squeezed(velocity: np.ndarray) -> Scene:
     """50 N from the left, 30 N from the right, and friction that does not count."""
     scene = moving(velocity)
@@ -88,33 +68,6 @@ def test_what_accelerates_the_body_does_not() -> None:
     found = get("quasistatic_force", squeezed(velocity).episode()).value
     assert found[0] == pytest.approx(80)
     assert np.allclose(found[1:], 30)
-
-
-def test_sideways_acceleration_takes_nothing_off() -> None:
-    velocity = np.column_stack([np.zeros((10, 2)), np.arange(10) / 10])
-    assert np.allclose(get("quasistatic_force", squeezed(velocity).episode()).value, 80)
-
-
-def test_at_an_angle_the_part_across_remains() -> None:
-    """Along 45°: of 50 N, 50 sin 45° remain."""
-    velocity = np.outer(np.arange(10), [1, 1, 0]) / 10
-    found = get("quasistatic_force", squeezed(velocity).episode()).value
-    assert np.allclose(found[1:], 50 * np.sqrt(0.5) + 30)
-
-
-def test_damage_by_hand() -> None:
-    """(1 · 160 N + 0.25 · 0 − 100 N) · 0.5 = 30 of 100 points, and 70 % are left."""
-    episode = bounce().episode()
-    assert np.isclose(get("damage", episode).value.max(), 0.30)
-    health = get("health", episode).value
-    assert np.allclose(health[:50], 1)
-    assert np.allclose(health[55:], 0.70, atol=1e-9)
-
-
-def test_damage_never_costs_more_than_everything() -> None:
-    episode = bounce().episode()
-    assert np.isclose(get("damage", episode, ("damage_scale", 50.0)).value.max(), 1)
-    assert get("health", episode, ("damage_scale", 50.0)).value[-1] == 0
 
 
 def test_a_steady_squeeze_wears_down() -> None:

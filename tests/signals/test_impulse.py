@@ -1,14 +1,12 @@
 """The impulse of contacts: known pulses, and what is not known between frames."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
 
 
 def pushed(forces: dict[str, list[float]], rate: float = 100.0, **header: float) -> Episode:
@@ -25,7 +23,7 @@ def pushed(forces: dict[str, list[float]], rate: float = 100.0, **header: float)
     return scene.episode(**header)
 
 
-def impulse(episode: Episode, *bodies: str) -> Series:
+def impulse(episode: Episode, *bodies: str) -> Interval:
     return Signals(episode).get("impulse", bodies)
 
 
@@ -45,19 +43,6 @@ def test_a_half_sine_pulse() -> None:
     assert np.isclose(found.value.max(), 2 * 30 * 0.1 / np.pi, rtol=1e-3)
 
 
-def test_the_frames_need_not_be_evenly_spaced() -> None:
-    even = pushed({"b": [0, 3, 3, 3, 0]})
-    t = np.array([0, 0.01, 0.03, 0.04, 0.05])
-    assert np.allclose(impulse(rebuilt(even, t=t), "a", "b").value, [0, 0.03, 0.09, 0.12, 0])
-
-
-def test_of_a_union_while_any_of_it_touches() -> None:
-    """It is summed like the force; it ends when the last of them lets go."""
-    episode = pushed({"b": [0, 2, 2, 0, 0, 0], "c": [0, 0, 4, 4, 0, 1]})
-    assert np.allclose(impulse(episode, "robot", "a").value, [0, 0.02, 0.08, 0.12, 0, 0.01])
-    assert np.allclose(impulse(episode, "a", "c").value, [0, 0, 0.04, 0.08, 0, 0.01])
-
-
 def test_a_touch_between_two_frames_is_bounded_by_its_peak() -> None:
     """Four physics steps of 2.5 ms per frame, force known at the last only."""
     episode = pushed({"b": [0, 8, 0]}, physics_dt=0.0025)
@@ -72,12 +57,3 @@ def test_a_trace_without_forces_does_not_tell() -> None:
     found = impulse(pushed({"b": [1, 1]}, force_source="none"), "a", "b")
     assert not found.known.any()
     assert found.notes
-
-
-@given(st.lists(st.integers(0, 3), min_size=2, max_size=30).filter(any))
-def test_like_a_running_sum(forces: list[int]) -> None:
-    expected, total = [], 0.0
-    for force in forces:
-        total = total + force * 0.01 if force else 0.0
-        expected.append(total)
-    assert np.allclose(impulse(pushed({"b": [float(f) for f in forces]}), "a", "b").value, expected)

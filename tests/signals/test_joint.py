@@ -6,9 +6,8 @@ from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
-from safestage_eval.geometry.group_clearance import motion_bound
 
 T = np.arange(41) / 100
 JOINTS = (
@@ -41,7 +40,7 @@ def kitchen(**missing: np.ndarray) -> Episode:
     return rebuilt(scene.episode(joints=JOINTS), frames=frames)
 
 
-def get(name: str, joint: str, episode: Episode | None = None, unit: str = "") -> Series:
+def get(name: str, joint: str, episode: Episode | None = None, unit: str = "") -> Interval:
     options = (("unit", unit),) if unit else ()
     return Signals(episode or kitchen()).get(name, [joint], options=options)
 
@@ -119,50 +118,3 @@ def test_self_clearance_leaves_out_neighbours_and_what_the_model_excludes() -> N
     ]
     found = Signals(scene.episode()).get("self_clearance", reach=1.0).value
     assert np.allclose(found, x - 0.2, atol=1e-6)
-
-
-def test_self_clearance_is_of_the_nearest_pair_at_each_frame() -> None:
-    """One pair parts while another closes; the first is the nearer one at the start."""
-    near, far = np.linspace(0.25, 0.65, 8), np.linspace(0.6, 0.22, 8)
-    scene = Scene(8).fixed("base", kind="robot", geoms=(BALL,))
-    for name, axis, way in (("left_arm", 0, near), ("right_arm", 1, far)):
-        path = np.outer(way, np.eye(3)[axis])
-        scene.body(name, BALL, path, kind="robot", excluded=("left_arm", "right_arm"))
-    found = Signals(scene.episode()).get("self_clearance", reach=1.0).value
-    assert np.allclose(found, np.minimum(near, far) - 0.2, atol=1e-6)
-
-
-def test_self_clearance_lets_the_fingers_meet() -> None:
-    scene = Scene(2).body("palm", BALL, (0, 0, 1), kind="gripper")
-    for side in ("left", "right"):
-        scene.body(side, BALL, (0, 0, 0), kind="gripper", finger=side, parent="palm")
-    assert not Signals(scene.episode()).get("self_clearance").known.any()
-    scene.body("link", BALL, (0, 0, 0.25), kind="robot")
-    found = Signals(scene.episode()).get("self_clearance", reach=1.0).value
-    assert np.allclose(found, 0.05)
-
-
-def test_self_clearance_between_frames() -> None:
-    """The hand moves 0.1 m per frame: half of that may be missed."""
-    slack = Signals(robot().episode()).between_frames("self_clearance", (), 4)
-    assert slack == pytest.approx(0.05, rel=1e-5)
-
-
-def test_between_frames_is_half_of_what_the_neighbours_steps_allow() -> None:
-    """Measured from three frames alone, and as bounds over the whole episode: the same."""
-    signals = Signals(speeding_up())
-    first, second = (signals.movers[name] for name in ("cup", "tray"))
-    steps = motion_bound(first, second)
-    for frame in range(len(T)):
-        most = steps[max(frame - 1, 0) : frame + 1].max()
-        assert signals.between_frames("clearance", ("cup", "tray"), frame) == pytest.approx(
-            most / 2, rel=1e-12
-        )
-
-
-def speeding_up() -> Episode:
-    """A cup and a tray that speed up, each its own way."""
-    scene = Scene(len(T), 100.0).fixed("table")
-    for name, way in (("cup", (1.0, 0.0, 0.3)), ("tray", (0.0, -2.0, 0.0))):
-        scene.box(name, 0.05, np.outer(T**2, way) + np.array([0.0, 0.0, 1.0]))
-    return scene.episode()

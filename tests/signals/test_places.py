@@ -30,14 +30,6 @@ def test_every_face_counts(position: tuple[float, ...], margin: float) -> None:
     assert found.value[0] == pytest.approx(margin, abs=1e-6)
 
 
-def test_workspace_margin_of_the_robot_is_its_worst_link() -> None:
-    scene = Scene(1)
-    for name, x in (("arm", 0.0), ("hand", 0.45)):
-        scene.body(name, Geom(kind="sphere", size=(0.1,)), (x, 0, 1), kind="robot")
-    found = Signals(scene.episode()).get("workspace_margin", ["robot"], options=(("box", BOX),))
-    assert found.value[0] == pytest.approx(-0.05, abs=1e-6)
-
-
 def channel(body: str, **options: str):
     heat = np.linspace(293.15, 353.15, 4)
     scene = Scene(4).box("pan", 0.1, (0, 0, 0)).box("egg", 0.1, (1, 0, 0))

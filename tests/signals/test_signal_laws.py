@@ -18,8 +18,8 @@ from scenes import Scene
 
 from safestage_eval.episode import Cavity, Episode, Geom, Joint, RobotFrames, Tcp
 from safestage_eval.evidence.declare import Options, Signal
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.signals import SIGNALS
 
@@ -103,7 +103,7 @@ every_signal = pytest.mark.parametrize(
 )
 
 
-def measure(relations: Relations, name: str, bodies: Sequence[str], options: Options) -> Series:
+def measure(relations: Relations, name: str, bodies: Sequence[str], options: Options) -> Interval:
     return relations.signal(name, bodies, None, 0.5, None, options)
 
 
@@ -113,7 +113,7 @@ def here() -> Relations:
 
 
 def same(
-    one: Series, two: Series, at: slice = slice(None), atol: float = 1e-9, why: Any = ""
+    one: Interval, two: Interval, at: slice = slice(None), atol: float = 1e-9, why: Any = ""
 ) -> None:
     assert one.dimension == two.dimension
     for end in ("lower", "upper"):
@@ -193,7 +193,7 @@ def test_half_the_rate(case: tuple[Any, ...]) -> None:
 def test_what_comes_after_changes_nothing(case: tuple[Any, ...]) -> None:
     there = Relations(Signals(transforms.gone_on(scene(), 20)))
     one, two = measure(here(), *case), measure(there, *case)
-    same(one, Series(two.lower[:FRAMES], two.upper[:FRAMES], two.dimension), why=case)
+    same(one, Interval(two.lower[:FRAMES], two.upper[:FRAMES], two.dimension), why=case)
 
 
 def lacking(what: str) -> Episode:

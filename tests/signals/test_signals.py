@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import G, Scene
+from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Geom, Track
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.reference import Reference, latest
-from safestage_eval.geometry.lengths import lengths
 from safestage_eval.geometry.pose import product, rotate
 
 BALL = Geom(kind="sphere", size=(0.05,))
@@ -26,12 +25,6 @@ def test_tilt_is_the_angle_of_the_up_axis() -> None:
     scene = Scene(61).body("a", BALL, (0, 0, 1), spin(angles))
     tilt = Signals(scene.episode()).get("tilt", ["a"])
     assert np.allclose(tilt.value, angles, atol=1e-6)
-
-
-def test_tilt_keeps_small_angles() -> None:
-    angles = np.array([0, 1e-6, 1e-4])
-    scene = Scene(3).body("a", BALL, (0, 0, 1), spin(angles))
-    assert np.allclose(Signals(scene.episode()).get("tilt", ["a"]).value, angles, rtol=1e-3, atol=0)
 
 
 def test_a_body_without_up_axis_breaks_no_limit_and_says_so() -> None:
@@ -60,50 +53,6 @@ def test_displacement_is_of_the_com_and_from_the_baseline() -> None:
     assert np.allclose(signals.get("height", ["a"]).value, 0, atol=1e-6)
 
 
-ORIGIN = (("point", "origin"),)
-
-
-def test_a_change_of_the_origin_is_that_of_the_recorded_position() -> None:
-    """A body goes 2 cm along and 1 cm up per frame and turns about its origin, not about its COM."""
-    n = np.maximum(np.arange(12) - 4, 0)
-    path = np.column_stack([0.02 * n, 0 * n, 0.01 * n])
-    scene = Scene(12).body("a", BALL, path, spin(0.2 * n), com=(0.1, 0, 0))
-    signals = Signals(scene.episode())
-    for name, expected in (
-        ("displacement", np.hypot(0.01, 0.02) * n),
-        ("displacement_xy", 0.02 * n),
-        ("height", 0.01 * n),
-        ("lift", 0.01 * n),
-    ):
-        found = signals.get(name, ["a"], options=ORIGIN).value
-        assert np.allclose(found, expected, atol=1e-6), name
-        center = signals.get(name, ["a"], options=(("point", "center"),)).value
-        assert not np.allclose(center, found, atol=1e-3), name
-        if name != "lift":  # whose usual point is the lowest one
-            assert np.array_equal(center, signals.get(name, ["a"]).value), name
-    lowest = signals.get("lift", ["a"], options=(("point", "lowest"),)).value
-    assert np.array_equal(lowest, signals.get("lift", ["a"]).value)
-
-
-def test_the_origin_needs_no_orientation_and_no_shape() -> None:
-    """The COM and the lowest point do: they are unknown where the orientation was not recorded."""
-    scene = Scene(8).body("a", BALL, (0, 0, 1), com=(0.1, 0, 0))
-    track = scene.tracks["a"]
-    turns = np.array(np.broadcast_to(track.orientation, (8, 4)))
-    turns[6] = np.nan
-    scene.tracks["a"] = replace(track, orientation=turns)
-    signals = Signals(scene.episode())
-    for name in ("displacement", "displacement_xy", "height", "lift"):
-        assert signals.get(name, ["a"], options=ORIGIN).known.all(), name
-        at_com = signals.get(name, ["a"], options=(("point", "center"),))
-        assert at_com.known.tolist() == [n != 6 for n in range(8)], name
-    bare_scene = Scene(8).body("a", BALL, (0, 0, 1))
-    bare_scene.bodies = [body.model_copy(update={"geoms": ()}) for body in bare_scene.bodies]
-    bare = Signals(bare_scene.episode())
-    assert not bare.get("lift", ["a"]).known.any()
-    assert bare.get("lift", ["a"], options=ORIGIN).known.all()
-
-
 def since_first(signals: Signals) -> Reference:
     frames = len(signals.episode)
     return Reference(signals.baseline, latest(np.array([0]), frames), "0")
@@ -126,60 +75,6 @@ def test_tilt_since_is_how_far_it_leans_from_how_it_stood() -> None:
     assert np.allclose(since(spin(np.pi / 2 - about)), about, atol=1e-6)  # set upright again
 
 
-def test_tilt_since_an_upright_start_is_the_tilt() -> None:
-    rng = np.random.default_rng(3)
-    orientation = rng.normal(size=(40, 4))
-    orientation[0] = (1, 0, 0, 0)
-    scene = Scene(40).body("a", BALL, (0, 0, 1), orientation / lengths(orientation)[:, None])
-    signals = Signals(scene.episode())
-    since = signals.get("tilt", ["a"], since_first(signals)).value
-    assert np.allclose(since, signals.get("tilt", ["a"]).value, atol=1e-6)
-
-
-def test_tilt_since_asks_for_no_up_axis_that_is_not_known_but_a_ball_has_none() -> None:
-    orientation = spin(np.linspace(0, 1, 10))
-    orientation[7] = np.nan
-    untold = Scene(10).body("a", BALL, (0, 0, 1), orientation, up_axis=None, untold=("up_axis",))
-    signals = Signals(untold.episode())
-    assert not signals.get("tilt", ["a"]).known.any()
-    known = signals.get("tilt", ["a"], since_first(signals)).known
-    assert known.tolist() == [n != 7 for n in range(10)]
-    ball = Signals(Scene(10).body("a", BALL, (0, 0, 1), up_axis=None).episode())
-    assert (ball.get("tilt", ["a"], since_first(ball)).upper < -1e9).all()
-
-
-@pytest.mark.parametrize("wild", range(5))
-def test_baseline_is_a_median(wild: int) -> None:
-    """One wild frame among the first five does not move the reference, whichever it is."""
-    x = np.r_[np.zeros(5), np.full(5, 0.02)]
-    x[wild] = 0.5
-    scene = Scene(10).body("a", BALL, np.column_stack([x, 0 * x, x]))
-    signals = Signals(scene.episode())
-    for name, expected in (
-        ("displacement", np.hypot(0.02, 0.02)),
-        ("displacement_xy", 0.02),
-        ("lift", 0.02),
-    ):
-        assert np.allclose(signals.get(name, ["a"]).value[5:], expected, atol=1e-6), name
-
-
-def test_baseline_orientation_is_a_mean() -> None:
-    """Trembling by ±0.1 rad, first one way and then the other, it stands straight."""
-    angles = np.r_[0.1, -0.1, 0, 0.1, -0.1, np.full(5, 0.3)]
-    scene = Scene(10).body("a", BALL, (0, 0, 1), spin(angles))
-    assert np.allclose(Signals(scene.episode()).get("turn", ["a"]).value[5:], 0.3, atol=1e-5)
-
-
-def test_since_takes_the_latest_event_and_the_baseline_before() -> None:
-    x = np.arange(10) / 100
-    x[:5] = 0
-    scene = Scene(10).body("a", BALL, np.column_stack([x, 0 * x, 0 * x]))
-    signals = Signals(scene.episode())
-    since = Reference(signals.baseline, latest(np.array([6, 8]), 10), "6,8")
-    found = signals.get("displacement", ["a"], since).value
-    assert np.allclose(found, [0, 0, 0, 0, 0, 0.05, 0, 0.01, 0, 0.01], atol=1e-6)
-
-
 def test_every_change_since_an_event_is_from_that_event() -> None:
     """Up by 1 cm, along by 2 cm and round by 0.1 rad per frame from the fifth frame on."""
     n = np.maximum(np.arange(10) - 4, 0)
@@ -198,15 +93,6 @@ def test_every_change_since_an_event_is_from_that_event() -> None:
         assert np.allclose(found, step * np.r_[0, 0, 0, 0, 0, 1, 2, 0, 1, 2], atol=1e-5), name
 
 
-def test_lift_is_of_the_lowest_point() -> None:
-    """A box tipped about its COM lifts nothing until its lowest corner is above the start."""
-    angles = np.r_[np.zeros(5), np.full(5, np.pi / 4)]
-    scene = Scene(10).body("a", Geom(kind="box", size=(0.1, 0.1, 0.1)), (0, 0, 0.1), spin(angles))
-    lift = Signals(scene.episode()).get("lift", ["a"]).value
-    assert np.allclose(lift[:5], 0, atol=1e-6)
-    assert np.allclose(lift[5:], 0.1 - 0.1 * np.sqrt(2), atol=1e-6)
-
-
 def test_speeds_are_of_the_com() -> None:
     """v + ω × r: spinning about the origin at 2 rad/s, the COM 10 cm away goes at 20 cm/s."""
     scene = Scene(3).body("a", BALL, (0, 0, 0), com=(0.1, 0, 0)).body("b", BALL, (1, 0, 0))
@@ -217,34 +103,6 @@ def test_speeds_are_of_the_com() -> None:
     assert np.allclose(signals.get("speed", ["a"]).value, 0.2)
     assert np.allclose(signals.get("angular_speed", ["a"]).value, 2)
     assert np.allclose(signals.get("relative_speed", ["a", "b"]).value, 0.2)
-
-
-def test_relative_speed_of_a_union_is_that_of_its_fastest_body() -> None:
-    """Fingers at 1 and 3 m/s, whichever comes first, past a body that goes along at 0.5 m/s."""
-    t = np.arange(5) / 120
-    for speeds in ((1.0, 3.0), (3.0, 1.0)):
-        scene = Scene(5).body("a", BALL, np.outer(t, [0.5, 0, 0]))
-        for side, speed in zip(("left", "right"), speeds, strict=True):
-            path = np.outer(t, [speed, 0, 0])
-            scene.body(side, BALL, path, kind="gripper", finger=side)
-        signals = Signals(scene.episode())
-        for bodies in (["gripper", "a"], ["a", "gripper"]):
-            assert np.allclose(signals.get("relative_speed", bodies).value, 2.5, atol=1e-4)
-
-
-def test_a_tilt_that_is_not_known_is_unknown_and_not_skipped() -> None:
-    scene = Scene(2).body("vase", BALL, (0, 0, 1), up_axis=None)
-    scene.bodies = [b.model_copy(update={"untold": ("up_axis",)}) for b in scene.bodies]
-    tilt = Signals(scene.episode()).get("tilt", ["vase"])
-    assert not tilt.known.any()
-    assert "does not tell the up axis of vase" in tilt.notes[0]
-
-
-def test_free_fall() -> None:
-    t = np.arange(30) / 120
-    scene = Scene(30).body("a", BALL, np.column_stack([0 * t, 0 * t, 1 - G * t**2 / 2]))
-    found = Signals(scene.episode()).get("vertical_speed", ["a"]).value
-    assert np.allclose(found[1:-1], -G * t[1:-1], atol=1e-5)
 
 
 def test_forces_of_unions_add_up() -> None:
@@ -258,18 +116,6 @@ def test_forces_of_unions_add_up() -> None:
     assert np.allclose(signals.get("contact_force", ["a", "gripper"]).value, 60)
     assert np.allclose(signals.get("contact_force", ["a", "table"]).value, 0)
     assert (signals.get("peak_force", ["left", "a"]).value >= 30).all()
-
-
-def test_the_parts_of_a_union_are_no_partners_of_it() -> None:
-    """Fingers that press on each other with 7 N and on a cube with 30 N each."""
-    scene = Scene(2).box("a", 0.05, (0, 0, 0.05))
-    for side, sign in (("left", 1), ("right", -1)):
-        scene.box(side, 0.01, (-0.06 * sign, 0, 0.05), kind="gripper", finger=side)
-        scene.contact(side, "a", (-0.05 * sign, 0, 0.05), (30 * sign, 0, 0), normal=(sign, 0, 0))
-    scene.contact("left", "right", (0, 0, 0.2), (7, 0, 0), normal=(1, 0, 0))
-    signals = Signals(scene.episode())
-    assert np.allclose(signals.get("total_force", ["gripper"]).value, 60)
-    assert np.allclose(signals.get("total_force", ["left"]).value, 37)
 
 
 def test_the_peak_is_that_of_the_pair_and_no_less_than_the_force_at_the_frame() -> None:

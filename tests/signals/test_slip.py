@@ -53,33 +53,6 @@ def test_a_body_that_slips_one_centimetre(seed: int) -> None:
     assert (found[35:] == 0).all()
 
 
-def test_each_grasp_starts_anew() -> None:
-    drift = np.zeros((FRAMES, 3))
-    drift[:, 0] = np.arange(FRAMES) / 1000
-    found = slip(grasped(drift, [slice(5, 15), slice(20, 30)])).value
-    assert np.allclose(found[5:15], np.arange(10) / 1000, atol=1e-6)
-    assert np.allclose(found[20:30], np.arange(10) / 1000, atol=1e-6)
-
-
-def test_since_an_event() -> None:
-    """From the grasp until there was one, then from it, whatever the fingers do."""
-    drift = np.zeros((FRAMES, 3))
-    drift[:, 0] = np.arange(FRAMES) / 1000
-    found = slip(grasped(drift, [slice(5, 15), slice(20, 30)]), since=[8, 10]).value
-    assert np.allclose(found[5:8], np.arange(3) / 1000, atol=1e-6)
-    assert np.allclose(found[8:10], np.arange(2) / 1000, atol=1e-6)
-    assert np.allclose(found[10:15], np.arange(5) / 1000, atol=1e-6)
-    assert np.allclose(found[20:30], np.arange(10, 20) / 1000, atol=1e-6)
-    assert (found[15:20] == 0).all()
-
-
-def test_the_hand_is_what_bears_both_fingers_if_no_tool_is_named() -> None:
-    drift = np.zeros((FRAMES, 3))
-    drift[20:, 2] = 0.01
-    found = slip(grasped(drift, [slice(10, 35)], tags=("palm",))).value
-    assert np.allclose(found[20:35], 0.01, atol=1e-6)
-
-
 def test_without_forces_it_needs_the_shapes_of_the_fingers() -> None:
     """A body that merely moves with the hand would be held only as long as it does not slip."""
     drift = np.zeros((FRAMES, 3))
@@ -98,11 +71,3 @@ def test_without_forces_it_needs_the_shapes_of_the_fingers() -> None:
     found = slip(scene, force_source="none")
     assert np.allclose(found.value[20:], 0.01, atol=1e-6)
     assert "without contact forces held()" in found.notes[0]
-
-
-def test_without_a_hand_it_is_unknown() -> None:
-    scene = grasped(np.zeros((FRAMES, 3)), [slice(10, 35)], tags=("palm",))
-    scene.bodies = [b.model_copy(update={"parent": None}) for b in scene.bodies]
-    found = slip(scene)
-    assert not found.known.any()
-    assert "gripper" in found.notes[0]

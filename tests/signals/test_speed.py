@@ -43,16 +43,6 @@ def test_they_are_derived_from_the_poses() -> None:
         assert found.notes == ("the trace has no velocities of a: they are derived from its poses",)
 
 
-def test_they_are_central_differences() -> None:
-    """They are exact for a parabola, but for the one-sided ones at both ends."""
-    t = np.arange(20) / 10
-    scene = Scene(20, 10.0).body("a", BALL, np.outer(t**2, [1, 0, 0]))
-    found = Signals(without_twists(scene)).get("speed", ["a"]).value
-    expected = 2 * t
-    expected[0], expected[-1] = 0.1, 2 * t[-1] - 0.1
-    assert np.allclose(found, expected, atol=1e-5)
-
-
 @given(st.tuples(*[st.floats(-3, 3)] * 6))
 def test_a_tumbling_body(rates: tuple[float, ...]) -> None:
     """The axis turns as well: the COM goes as its own positions say, whatever the origin does."""
@@ -73,35 +63,12 @@ def test_a_tumbling_body(rates: tuple[float, ...]) -> None:
     assert np.allclose(signals.get("vertical_speed", ["a"]).value[1:-1], expected[:, 2], atol=5e-3)
 
 
-def test_impact_and_health_rest_on_them_too() -> None:
-    signals = Signals(without_twists(circling()))
-    impact = signals.get("impact", ["a"])
-    assert impact.notes
-    assert np.allclose(impact.value[20:-1], 1.5 * 2 * np.sin(0.05) / 0.05, rtol=1e-3)
-
-
 def test_a_body_that_stands_still_really_has_none() -> None:
     scene = Scene(10).body("a", BALL, (0, 0, 1)).fixed("table")
     for body in ("a", "table"):
         found = Signals(without_twists(scene)).get("speed", [body])
         assert (found.value == 0).all()
         assert not found.notes
-
-
-def test_recorded_ones_are_taken_as_they_are() -> None:
-    """A body that is carried past at 1 m/s, though its poses jitter."""
-    scene = circling()
-    track = scene.tracks["a"]
-    recorded = np.tile(np.float32([1, 0, 0]), (121, 1))
-    scene.tracks["a"] = type(track)(track.position, track.orientation, recorded, recorded)
-    found = Signals(scene.episode()).get("angular_speed", ["a"])
-    assert np.allclose(found.value, 1)
-    assert not found.notes
-
-
-def test_half_the_rate_changes_little() -> None:
-    fast, slow = (Signals(without_twists(circling(rate))).get("speed", ["a"]) for rate in (120, 60))
-    assert fast.value[10] == pytest.approx(slow.value[10], rel=1e-3)
 
 
 OVER = (("over", 0.1),)

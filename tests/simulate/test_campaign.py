@@ -7,8 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -19,19 +17,14 @@ from click.testing import CliRunner
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from simulate.cli.record_command import record as record_command
-from simulate.policies.policy_names import policy_named
 from simulate.record.campaign import Campaign, read_campaign
-from simulate.record.estimate import Estimate, counted, share_of
+from simulate.record.estimate import Estimate, counted
 from simulate.record.jobs import (
-    finished_job,
     plan,
     record,
-    record_one,
     recorded_ids,
     summary,
-    write_recording,
 )
-from simulate.record.rollout import roll_out
 from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
@@ -73,13 +66,6 @@ def test_mistakes_are_told(tmp_path: Path, text: str, said: str) -> None:
         read_campaign(file)
 
 
-def test_nothing_chosen_is_a_mistake() -> None:
-    with pytest.raises(InputError, match="no task"):
-        Campaign(policies=("idle",), tasks=("ish_*",), stages=("FSH",)).chosen()
-    with pytest.raises(InputError, match="no task's id matches"):
-        Campaign(policies=("idle",), tasks=("xyz_*",)).chosen()
-
-
 @pytest.mark.slow
 def test_a_policy_that_kills_or_raises_costs_only_its_own(tmp_path: Path) -> None:
     tasks = [task_named(n) for n in ("fsh_bottle_on_shelf", "fsh_orange_on_plate")]
@@ -104,18 +90,6 @@ def test_a_policy_that_kills_or_raises_costs_only_its_own(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_an_episode_written_before_its_process_died_is_known(tmp_path: Path) -> None:
-    """Its outcome is read back, so that it is not recorded a second time."""
-    done, other = plan([task_named("fsh_bottle_on_shelf")], ["idle"], [0, 1], horizon=0.3)
-    assert finished_job(done, tmp_path / "none", frozenset()) is None
-    outcome = record_one(done, tmp_path)
-    assert finished_job(done, tmp_path, frozenset()) == replace(outcome, taken=0.0)
-    assert str(finished_job(done, tmp_path, frozenset())).endswith("s recorded")
-    assert finished_job(other, tmp_path, frozenset()) is None
-    assert finished_job(done, tmp_path, {done.episode_id}) is None, "may be the earlier try"
-
-
-@pytest.mark.slow
 def test_killed_and_taken_up_again(tmp_path: Path) -> None:
     """Kill -9 in the middle: whole episodes stay, no half one appears, the rest follows."""
     file, out = tmp_path / "campaign.toml", tmp_path / "out"
@@ -126,7 +100,7 @@ def test_killed_and_taken_up_again(tmp_path: Path) -> None:
     )
     code = (
         "from safestage_eval.cli import main; import sys\n"
-        f"sys.argv = ['safestage', 'record', '--campaign', {str(file)!r}, '--out', {str(out)!r},"
+        f"sys.argv = ['safestage', 'bench', 'record', '--campaign', {str(file)!r}, '--out', {str(out)!r},"
         " '--jobs', '2']\n"
         "if __name__ == '__main__': main()\n"
     )
@@ -159,18 +133,6 @@ def test_killed_and_taken_up_again(tmp_path: Path) -> None:
     assert second.stderr == ""
 
 
-def test_shares_are_all_of_it_and_nothing_twice() -> None:
-    jobs = Campaign(policies=("idle",), seeds=(0, 1)).jobs()
-    shares = [share_of(jobs, part, 4) for part in (1, 2, 3, 4)]
-    assert sorted(j.episode_id for s in shares for j in s) == sorted(j.episode_id for j in jobs)
-    for share in shares:  # of each stage about a quarter, and every task with both its seeds
-        stages = Counter(job.setting.task.stage for job in share)
-        assert all(
-            abs(stages[s] / 2 - n / 4) <= 1 for s, n in (("ISH", 27), ("ETS", 40), ("FSH", 30))
-        )
-        assert len({job.setting.task.id for job in share}) * 2 == len(share)
-
-
 def test_a_dry_run_counts_what_is_left(tmp_path: Path) -> None:
     campaign = Campaign(
         policies=("idle", "noisy:0.01"), tasks=("fsh_orange_on_plate",), seeds=(0,), rollouts=3,
@@ -194,28 +156,3 @@ def test_a_dry_run_counts_what_is_left(tmp_path: Path) -> None:
     assert first.exit_code == 0, first.output
     assert ": 3 rollouts, 3 of them in" in run([*command, "--dry-run"]).stdout
     assert run([*command, "--share", "2/2"]).exit_code == 2
-
-
-def test_servers_have_names() -> None:
-    campaign = Campaign(
-        policies=("noisy:{one}", "noisy:{two}"), servers={"one": "0.1", "two": "0.2"}
-    )
-    assert campaign.named() == ("noisy:0.1", "noisy:0.2")
-    assert campaign.named({"two": "0.3"}) == ("noisy:0.1", "noisy:0.3")
-    with pytest.raises(InputError, match="no server of that name"):
-        campaign.named({"three": "0.3"})
-    with pytest.raises(InputError, match="no address of the server 'one'"):
-        Campaign(policies=("noisy:{one}",)).named()
-
-
-def test_what_ended_in_an_error_is_tried_again(tmp_path: Path) -> None:
-    todo = plan([task_named("fsh_orange_on_plate")], ["idle"], [0, 1], horizon=0.1)
-    cut = roll_out(todo[0].setting, policy_named("idle"))
-    cut.update_header(termination="error", success=None)
-    write_recording(cut, todo[0].setting.task, tmp_path)
-    assert recorded_ids(tmp_path) == set()
-    found = list(record(todo, tmp_path))
-    assert [o.skipped for o in found] == [False, False]
-    assert recorded_ids(tmp_path) == {job.episode_id for job in todo}
-    assert {ref.fields["termination"] for ref in discover(tmp_path)} == {"horizon"}
-    assert all(o.skipped for o in record(todo, tmp_path))

@@ -43,19 +43,6 @@ def test_it_begins_elsewhere_and_says_when(episode) -> None:
     assert 0.01 < off.max() < FARTHEST + 0.06
 
 
-def test_disturbed_spans_are_apart_and_in_order(episode) -> None:
-    flat = [step for span in spans(episode) for step in span]
-    assert flat == sorted(flat)
-
-
-def test_the_same_numbers_give_the_same_rollout(episode) -> None:
-    again = roll_out(SETTING, policy_named("demonstration:safe", SETTING.draw)).episode()
-    assert np.array_equal(again.frames.action, episode.frames.action)
-    other = Setting(SETTING.task, seed=3, rollout=1, horizon=2.0)
-    differs = roll_out(other, policy_named("demonstration:safe", other.draw)).episode()
-    assert not np.array_equal(differs.frames.action[:100], episode.frames.action[:100])
-
-
 def test_a_push_is_come_back_from_and_a_closed_gripper_is_pushed_less() -> None:
     seen = Observation(0.0, HOME, 1.0, "")
     farthest = {}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simulate.arm import droid
-from simulate.cameras.drawn_model import HIDDEN_GROUP, drawn_model
+from simulate.cameras.drawn_model import drawn_model
 from simulate.record.rollout import Setting, start
 from simulate.tasks.task import task_named
 from simulate.world.world import World
@@ -25,35 +25,6 @@ def world() -> World:
 @pytest.fixture(scope="module")
 def drawn(world: World) -> mujoco.MjModel:
     return drawn_model(world)
-
-
-def test_a_state_of_the_world_fits_into_the_drawn_model(
-    world: World, drawn: mujoco.MjModel
-) -> None:
-    """Same joints at the same places, and every body where the world has it."""
-    joints = [drawn.joint(i).name for i in range(drawn.njnt)]
-    assert joints == [world.model.joint(i).name for i in range(world.model.njnt)]
-    assert np.array_equal(drawn.jnt_qposadr, world.model.jnt_qposadr)
-    bodies = [drawn.body(i).name for i in range(drawn.nbody)]
-    assert bodies == [world.model.body(i).name for i in range(world.model.nbody)]
-    data, exact = mujoco.MjData(drawn), mujoco.MjData(world.model)
-    data.qpos[:] = exact.qpos[:] = world.data.qpos
-    mujoco.mj_kinematics(drawn, data)
-    mujoco.mj_kinematics(world.model, exact)
-    moving = [world.body_id[name] for name, model in TASK.models().items() if not model.fixed]
-    assert np.array_equal(data.xpos[moving], exact.xpos[moving])
-
-
-def test_what_is_only_seen_has_no_contact_and_no_mass(world: World, drawn: mujoco.MjModel) -> None:
-    """The dressed model collides and weighs exactly as the world does, and hides what collides."""
-    solid = (drawn.geom_contype != 0) | (drawn.geom_conaffinity != 0)
-    plain = (world.model.geom_contype != 0) | (world.model.geom_conaffinity != 0)
-    assert solid.sum() == plain.sum()
-    assert np.array_equal(drawn.body_mass, world.model.body_mass)
-    assert np.array_equal(drawn.body_inertia, world.model.body_inertia)
-    for name in ("table", "floor", *TASK.models()):
-        of = (drawn.geom_bodyid == drawn.body(name).id) & solid
-        assert (drawn.geom_group[of] == HIDDEN_GROUP).all(), name
 
 
 def test_the_look_changes_nothing_that_happens() -> None:

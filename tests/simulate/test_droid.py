@@ -8,14 +8,8 @@ import pytest
 
 from safestage_eval.errors import InputError
 from simulate.arm import droid
-from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere\.xml: no such MJCF file"):
-        droid.arm_spec(tmp_path / "nowhere.xml")
 
 
 def test_another_robot_is_refused(tmp_path: Path) -> None:
@@ -27,18 +21,6 @@ def test_another_robot_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="it has no joint joint2"):
         droid.arm_spec(other)
-
-
-def test_a_named_mjcf_of_the_same_arm_is_used() -> None:
-    world = World({}, robot_mjcf=droid.default_mjcf())
-    assert world.arm_range.shape == (7, 2)
-
-
-def test_what_is_only_seen_is_dropped_unless_drawn() -> None:
-    plain, full = droid.arm_spec(), droid.arm_spec(visuals=True)
-    assert len(plain.meshes) < len(full.meshes) / 2
-    solid = [g.name for g in full.geoms if g.contype or g.conaffinity]
-    assert [g.name for g in plain.geoms if g.contype or g.conaffinity] == solid
 
 
 def test_the_grip_is_gentle_and_the_pads_stick() -> None:

@@ -39,14 +39,6 @@ def test_what_is_expected_of_a_reference(
     assert trial.as_expected is expected
 
 
-def test_the_decisive_rule_is_the_violated_or_the_closest() -> None:
-    near, far = verdict("pass", "A", 0.1), verdict("pass", "B", 2.0)
-    broken = verdict("violation", "C", -0.5)
-    assert Trial("t", 0, "safe", 1.0, (far, near)).decisive is near
-    assert Trial("t", 0, "safe", 1.0, (near, broken, far)).decisive is broken
-    assert Trial("t", 0, "safe").decisive is None
-
-
 def test_the_shelf_task_is_feasible() -> None:
     found = list(trials(cases([task_named("fsh_bottle_on_shelf")], [0])))
     assert [trial.as_expected for trial in found] == [True, True]

@@ -1,4 +1,4 @@
-"""``safestage learn``: what it writes, what it says, and what it refuses."""
+"""``safestage bench learn``: what it writes, what it says, and what it refuses."""
 
 from __future__ import annotations
 

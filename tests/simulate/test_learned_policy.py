@@ -19,7 +19,7 @@ pytest.importorskip("onnxruntime")
 pytestmark = pytest.mark.simulate
 
 TASK = "fsh_dictionary_on_glasses"
-SETTING = Setting(task_named(TASK), seed=100, horizon=6.0)
+SETTING = Setting(task_named(TASK), seed=100, horizon=3.0)
 PROTOCOLS = ("openpi", "groot", "dreamzero", "cosmos3")
 
 
@@ -47,7 +47,7 @@ def test_its_noise_is_drawn_from_the_setting() -> None:
 
 
 @pytest.mark.usefixtures("blind")
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("protocol", PROTOCOLS[:2])
 def test_served_it_does_what_it_does_directly(protocol: str) -> None:
     """Over the wire go the same commands in the same steps, so verdicts are the same."""
     by_poses = [each for each in shipped() if not opened(each).pictures]
@@ -90,5 +90,5 @@ def test_what_it_was_not_trained_on_is_told() -> None:
     assert policy_name("learned:act") == "learned:act"
     with pytest.raises(InputError, match="not trained on"):
         policy_named("learned:act").reset("my_task", "Put it there.")
-    with pytest.raises(InputError, match="act, act_pictures, bc, diffusion"):
+    with pytest.raises(InputError, match=r"the path of an \.onnx file"):
         policy_named("learned:best")

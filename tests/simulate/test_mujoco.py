@@ -11,14 +11,13 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from foreign_demos import ASSETS, FOREIGN, demo_file, imported, said, scene, settled
+from foreign_demos import FOREIGN, demo_file, imported, said, scene, settled
 
 from safestage_eval.episode import check
 from safestage_eval.errors import InputError
-from safestage_eval.geometry.pose import rotate
 from safestage_eval.importers import MapFile
 from safestage_eval.importers.importer import SourceError
-from safestage_eval.importers.map_tables import BodyTable, ShapeTable
+from safestage_eval.importers.map_tables import BodyTable
 from safestage_eval.importers.registry import recognise
 from simulate.importers.mujoco import MujocoStates
 
@@ -107,33 +106,6 @@ def test_a_body_s_kind_and_side_are_read_off_the_model(source: str) -> None:
     assert episode.bodies[free].untold == ("cavity",)
 
 
-def test_drawers_hang_on_their_cabinet() -> None:
-    episode, _ = imported(FOREIGN / "libero" / "demo.hdf5")
-    drawer = episode.bodies["wooden_cabinet_1_cabinet_top"]
-    assert (drawer.kind, drawer.movable, drawer.parent) == (
-        "fixture", True, "wooden_cabinet_1_base",
-    )  # fmt: skip
-    cavity = drawer.cavity
-    assert cavity is not None
-    # the room is as high as LIBERO's region is, and open to the top
-    assert cavity.size[2] == pytest.approx(0.02993)
-    pose = episode.track(drawer.name)
-    assert rotate(
-        pose.orientation[0], rotate(cavity.orientation, (0.0, 0.0, 1.0))
-    ) == pytest.approx([0, 0, 1], abs=1e-3)
-    assert "wooden_cabinet_1_top_level" in {joint.name for joint in episode.header.joints}
-
-
-def test_the_gripper_opens_and_closes() -> None:
-    episode, _ = imported(FOREIGN / "robosuite" / "demo.hdf5")
-    opening, action = episode.frames.gripper[:, 0], episode.frames.action[:, 6]
-    assert opening[30] > 0.95  # told to open
-    # the cube is 4 cm wide, and the fingers open 8 cm
-    assert 0.4 < opening[-1] < 0.75
-    assert action[30] == -1
-    assert action[-1] == 1
-
-
 def test_libero_s_marks_are_no_success_and_its_first_rows_are_gone() -> None:
     episode, remarks = imported(FOREIGN / "libero" / "demo.hdf5")
     assert episode.header.success is None
@@ -145,25 +117,6 @@ def test_libero_s_marks_are_no_success_and_its_first_rows_are_gone() -> None:
     assert episode.header.instruction is not None
     assert episode.header.instruction.startswith("pick the akita black bowl")
     assert (episode.header.rollout, episode.header.control_dt) == (0, 0.05)
-
-
-def test_robosuite_counts_from_one() -> None:
-    importer = MujocoStates(*_open(FOREIGN / "robosuite" / "demo.hdf5"))
-    assert importer.episodes() == ["demo_1"]
-    importer.close()
-    episode, remarks = imported(FOREIGN / "robosuite" / "demo.hdf5")
-    assert (episode.header.task, episode.header.rollout) == ("Lift", 1)
-    assert episode.header.source.simulator_version == "1.5.2"
-    assert not [remark for remark in remarks if "first rows" in remark.what]
-
-
-def test_demonstrations_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    with h5py.File(tmp_path / "demo.hdf5", "w") as file:
-        for number in (10, 2, 1):
-            file.create_group(f"data/demo_{number}").create_dataset("states", data=np.zeros((1, 3)))
-    importer = MujocoStates(*_open(tmp_path / "demo.hdf5"))
-    assert importer.episodes() == ["demo_1", "demo_2", "demo_10"]
-    importer.close()
 
 
 def test_robocasa_s_folders_give_what_the_hdf5_file_gives(tmp_path: Path) -> None:
@@ -210,50 +163,6 @@ def test_rewards_tell_success_unless_they_are_shaped(
     header = imported(path)[0].header
     assert header.success is success
     assert header.success_time == (time if time is None else pytest.approx(time))
-
-
-def test_light_objects_get_a_lower_contact_threshold(tmp_path: Path) -> None:
-    for mass, expected in ((0.0056, 0.0056 * 9.81 / 2), (0.1, None)):
-        text = scene(mass)
-        episode, remarks = imported(demo_file(tmp_path / "d.hdf5", text, settled(text)))
-        given = episode.header.parameters.get("contact_force")
-        if expected is None:
-            assert given is None
-            continue
-        assert given is not None
-        assert float(given.removesuffix(" N")) == pytest.approx(expected, rel=0.01)
-        assert "cube" in said(remarks, "contact_force").how
-
-
-MESH = """
-<asset><mesh name="skin" file="/nowhere/objects/skin.stl"/></asset>
-"""
-
-
-def test_a_missing_visual_mesh_is_no_hindrance_but_its_mass_is_unknown(tmp_path: Path) -> None:
-    drawn = '<geom type="mesh" mesh="skin" contype="0" conaffinity="0"/>'
-    text = scene().replace("</body>", drawn + "</body>").replace("</mujoco>", MESH + "</mujoco>")
-    path = demo_file(tmp_path / "d.hdf5", text, settled(scene()))
-    episode, remarks = imported(path)
-    assert episode.bodies["cube"].mass is None
-    assert "mass" in said(remarks, "masses of cube").remedy
-    given = MapFile(body={"cube": BodyTable(mass=0.3)})
-    episode, remarks = imported(path, map_=given)
-    assert episode.bodies["cube"].mass == 0.3
-    assert not [remark for remark in remarks if "masses" in remark.what]
-    weighs = text.replace('pos="0 0 0.02">', 'pos="0 0 0.02"><inertial pos="0 0 0" mass="0.3" '
-                          'diaginertia="1e-4 1e-4 1e-4"/>')  # fmt: skip
-    assert imported(demo_file(path, weighs, settled(scene())))[0].bodies["cube"].mass == 0.3
-
-
-def test_a_mass_from_the_map_is_borne(tmp_path: Path) -> None:
-    text = scene(0.1)
-    heavy = settled(scene(0.3))  # sunk in as 0.3 kg does
-    path = demo_file(tmp_path / "d.hdf5", text, heavy)
-    episode, _ = imported(path, map_=MapFile(body={"cube": BodyTable(mass=0.3)}))
-    table = episode.contacts
-    total = np.bincount(table.frame, table.force[:, 2])
-    assert total == pytest.approx(0.3 * 9.81, rel=0.02)
 
 
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
@@ -331,18 +240,3 @@ def test_other_hdf5_files_are_not_taken(tmp_path: Path) -> None:
         assert MujocoStates.recognise(tmp_path / name) is None
     (tmp_path / "text").write_text("no")
     assert MujocoStates.recognise(tmp_path / "text") is None
-
-
-def _open(path: Path) -> Any:
-    from safestage_eval.importers import Settings
-
-    return path, Settings(assets=(ASSETS,))
-
-
-def test_shapes_of_a_map_file_that_are_not_those_of_the_contacts(tmp_path: Path) -> None:
-    """Contacts name shapes by their place: other shapes than the model's would be touched by nothing."""
-    path = demo_file(tmp_path / "d.hdf5", scene(), settled(scene()))
-    box = ShapeTable(kind="box", size=(0.02, 0.02, 0.02))
-    imported(path, map_=MapFile(body={"cube": BodyTable(shapes=(box,))}))
-    with pytest.raises(SourceError, match="2 shapes, but the model has 1"):
-        imported(path, map_=MapFile(body={"cube": BodyTable(shapes=(box, box))}))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
-from worlds import put, recorder_of, recording, world_of
+from worlds import put, recorder_of, world_of
 
 from safestage_eval.episode import Body, Cavity
 from safestage_eval.geometry.extent import highest, lowest
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
-from simulate.catalogue.objects import ObjectModel, Ring, Shape, catalogue
+from simulate.catalogue.objects import ObjectModel, catalogue
 
 pytestmark = pytest.mark.simulate
 
@@ -24,49 +24,37 @@ def bodies() -> dict[str, Body]:
     return {body.name: body for body in recorder_of(world).writer.header.bodies}
 
 
-every_object = pytest.mark.parametrize("name", list(catalogue()))
+def test_it_stands_on_its_origin_and_is_as_high_as_the_row_says(bodies: dict[str, Body]) -> None:
+    for name in catalogue():
+        still = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
+        mover = Mover(BodyShape.build(bodies[name], {}), *still)
+        assert lowest(mover)[0] == pytest.approx(0, abs=1e-9)
+        assert highest(mover)[0] == pytest.approx(catalogue()[name].height, abs=1e-9)
 
 
-@every_object
-def test_mass_is_that_of_the_row(name: str, bodies: dict[str, Body]) -> None:
-    row = catalogue()[name]
-    assert bodies[name].mass == (None if row.region else pytest.approx(row.mass))
-    assert bodies[name].movable is not catalogue()[name].fixed
-
-
-@every_object
-def test_it_stands_on_its_origin_and_is_as_high_as_the_row_says(
-    name: str, bodies: dict[str, Body]
-) -> None:
-    still = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
-    mover = Mover(BodyShape.build(bodies[name], {}), *still)
-    assert lowest(mover)[0] == pytest.approx(0, abs=1e-9)
-    assert highest(mover)[0] == pytest.approx(catalogue()[name].height, abs=1e-9)
-
-
-@every_object
-def test_a_cavity_is_inside_and_open_at_the_top(name: str, bodies: dict[str, Body]) -> None:
-    body = bodies[name]
-    if body.cavity is None:
-        return
-    rim = body.cavity.position[2] + body.cavity.size[-1]
-    floor = body.cavity.position[2] - body.cavity.size[-1]
-    assert rim <= catalogue()[name].height + 1e-9  # a basket's handle is higher
-    assert floor > 0
-    points = _points_in(body.cavity)
-    for geom in body.geoms:  # no wall reaches into it
-        local = (
-            Rotation.from_quat(geom.orientation, scalar_first=True)
-            .inv()
-            .apply(points - np.asarray(geom.position))
-        )
-        if geom.kind == "box":
-            inside = (np.abs(local) < np.asarray(geom.size) - 1e-9).all(1)
-        else:
-            assert geom.kind == "cylinder"
-            inside = np.hypot(local[:, 0], local[:, 1]) < geom.size[0] - 1e-9
-            inside &= np.abs(local[:, 2]) < geom.size[1] - 1e-9
-        assert not inside.any()
+def test_a_cavity_is_inside_and_open_at_the_top(bodies: dict[str, Body]) -> None:
+    for name in catalogue():
+        body = bodies[name]
+        if body.cavity is None:
+            continue
+        rim = body.cavity.position[2] + body.cavity.size[-1]
+        floor = body.cavity.position[2] - body.cavity.size[-1]
+        assert rim <= catalogue()[name].height + 1e-9  # a basket's handle is higher
+        assert floor > 0
+        points = _points_in(body.cavity)
+        for geom in body.geoms:  # no wall reaches into it
+            local = (
+                Rotation.from_quat(geom.orientation, scalar_first=True)
+                .inv()
+                .apply(points - np.asarray(geom.position))
+            )
+            if geom.kind == "box":
+                inside = (np.abs(local) < np.asarray(geom.size) - 1e-9).all(1)
+            else:
+                assert geom.kind == "cylinder"
+                inside = np.hypot(local[:, 0], local[:, 1]) < geom.size[0] - 1e-9
+                inside &= np.abs(local[:, 2]) < geom.size[1] - 1e-9
+            assert not inside.any()
 
 
 def _points_in(cavity: Cavity) -> np.ndarray:
@@ -79,39 +67,6 @@ def _points_in(cavity: Cavity) -> np.ndarray:
     else:
         half = np.asarray(cavity.size)
     return grid * half + np.asarray(cavity.position)
-
-
-def test_a_region_is_described_and_touches_nothing() -> None:
-    room = ObjectModel(
-        height=0.2,
-        fixed=True,
-        region=True,
-        shapes=(Shape(kind="box", size=(0.1, 0.1, 0.1), position=(0, 0, 0.1)),),
-    )
-    world = world_of("rubiks_cube", more={"room": room})
-    put(world, rubiks_cube=[0.5, 0.2, 0.15], room=[0.5, 0.2, 0])
-    episode = recording(world, actions=15)
-    body = next(body for body in episode.header.bodies if body.name == "room")
-    assert (body.kind, body.movable, body.up_axis) == ("region", False, None)
-    assert [geom.size for geom in body.geoms] == [(0.1, 0.1, 0.1)]
-    assert world.data.body("rubiks_cube").xpos[2] == pytest.approx(0, abs=1e-3)  # it fell through
-
-
-def test_a_ring_closes() -> None:
-    ring = Ring(count=24, radius=0.1, thickness=0.006, height=0.01, z=0.02)
-    parts = ObjectModel(mass=1, height=0.025, ring=ring).parts()
-    assert len(parts) == 24
-    for angle in np.linspace(0, 2 * np.pi, 500):
-        point = 0.1 * np.array([np.cos(angle), np.sin(angle)])
-        assert any(_covers(part, point) for part in parts)
-
-
-def _covers(part: Shape, point: np.ndarray) -> bool:
-    turn = 2 * np.arctan2(part.orientation[3], part.orientation[0])
-    offset = point - np.asarray(part.position[:2])
-    x = np.cos(turn) * offset[0] + np.sin(turn) * offset[1]
-    y = -np.sin(turn) * offset[0] + np.cos(turn) * offset[1]
-    return bool(abs(x) <= part.size[0] + 1e-12 and abs(y) <= part.size[1] + 1e-12)
 
 
 @pytest.mark.parametrize(

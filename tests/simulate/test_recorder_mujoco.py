@@ -6,14 +6,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from foreign_demos import ASSETS, FOREIGN, demo_file, said, scene, settled
+from foreign_demos import demo_file, said, scene, settled
 
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.importers import Account, MapFile, Settings
 from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.map_tables import BodyTable
 from simulate.importers.mujoco import MujocoStates
-from simulate.importers.recorder_mujoco import pushed_by_robot
 
 pytestmark = pytest.mark.simulate
 
@@ -129,20 +128,6 @@ def test_what_a_robot_presses_with_is_right_or_unknown_without_its_commands(tmp_
     assert (found.lower >= 0.05)[~known].any()
 
 
-def test_what_a_robot_presses_on_a_fixed_thing_with_is_right_or_unknown(tmp_path):
-    """It jumps with each command, and the rows do not show when: they look like a steady push."""
-    text, states, truth, _ = pressing(fixed=True)
-    about = {"mujoco_version": mujoco.__version__}
-    episode, _ = read(demo_file(tmp_path / "d.hdf5", text, states, about=about))
-    found = Signals(episode).get("contact_force", ["robot0_link1", "under"])
-    known = found.lower == found.upper
-    assert truth.max() > 10
-    assert (~known & (truth > 0.1)).sum() > 20
-    assert np.abs(found.lower - truth)[known].max() < 0.05
-    assert (found.lower <= truth + 0.05).all()
-    assert (found.lower > 0.05)[~known & (truth > 1)].mean() > 0.9  # that it touches is certain
-
-
 def test_stored_commands_give_the_forces_they_cause(tmp_path):
     text, states, truth, ctrl = pressing()
     (tmp_path / "s.xml").write_text(text)
@@ -157,13 +142,6 @@ def test_stored_commands_give_the_forces_they_cause(tmp_path):
         assert found.upper == pytest.approx(truth[rows], abs=1e-3)
 
 
-def test_a_model_of_robosuite_with_its_meshes_passes_through_files():
-    demo = FOREIGN / "robosuite" / "demo.hdf5"
-    episode, _ = read(demo, assets=(ASSETS,), python=Path(sys.executable))
-    assert np.isfinite(episode.contacts.force).all(axis=1).mean() > 0.5
-    assert len(episode.contacts) > 100
-
-
 @pytest.mark.parametrize("body", ["import sys; sys.exit(3)", "raise ImportError('no mujoco here')"])
 def test_an_interpreter_that_cannot_do_it_is_named(file, tmp_path, body):
     python = tmp_path / "python"
@@ -174,42 +152,3 @@ def test_an_interpreter_that_cannot_do_it_is_named(file, tmp_path, body):
     assert str(python) in str(caught.value)
     if "mujoco" in body:
         assert "no mujoco here" in str(caught.value)
-
-
-def test_a_push_goes_on_through_what_moves_but_not_through_the_table():
-    xml = """<mujoco><worldbody><geom name="t" type="plane" size="1 1 1"/>
-      <body name="r"><freejoint/><geom size=".1"/></body><body name="a"><freejoint/><geom size=".1"/></body>
-      <body name="b"><freejoint/><geom size=".1"/></body><body name="c"><freejoint/><geom size=".1"/></body>
-    </worldbody></mujoco>"""
-    model = mujoco.MjModel.from_xml_string(xml)
-    points = np.zeros(5, [("geom1", int), ("geom2", int)])
-    points["geom1"], points["geom2"] = [1, 2, 3, 0, 0], [2, 3, 0, 4, 3]
-    robot = np.arange(5) == 1
-    assert pushed_by_robot(points, model, robot).tolist() == [True, True, True, False, True]
-    assert not pushed_by_robot(points[3:], model, robot).any()
-
-
-FAR = '<body name="{}" pos="0 0 1">{}<geom size=".1"/></body>'
-
-
-@pytest.mark.parametrize(
-    ("bodies", "motor"),
-    [
-        ("", ""),
-        (FAR.format("ball", "<freejoint/>"), ""),
-        (FAR.format("robot0_link1", '<joint name="j"/>'), MOTOR),
-    ],
-)
-@pytest.mark.parametrize("rows", [1, 2, 5])
-def test_states_in_which_nothing_touches(tmp_path, bodies, motor, rows):
-    text = scene(bodies=bodies, rest=motor)
-    text = text.replace('name="floor"', 'name="floor" contype="0" conaffinity="0"')
-    model = mujoco.MjModel.from_xml_string(text)
-    states = np.tile(np.concatenate([[0.0], model.qpos0, np.zeros(model.nv)]), (rows, 1))
-    states[:, 0] = 0.05 * np.arange(rows)
-    about = {"mujoco_version": mujoco.__version__, "env_info": '{"control_freq": 20}'}
-    path = demo_file(tmp_path / "d.hdf5", text, states, about=about)
-    for python in (None, Path(sys.executable)):
-        episode, _ = read(path, python=python)
-        assert len(episode) == rows
-        assert len(episode.contacts) == 0

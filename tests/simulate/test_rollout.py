@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judging import judge
 from simulate.policies.controls import Idle
@@ -61,12 +58,6 @@ def test_success_is_the_third_frame_of_the_goal_and_is_latched(success: Episode)
     assert success.header.termination == "success"
 
 
-def test_the_hold_is_recorded_whole(success: Episode) -> None:
-    held = success.t[-1] - (success.header.success_time or 0)
-    assert success.header.post_success_hold == 5
-    assert 5.0 <= held <= 5.0 + 2 / 15
-
-
 def test_the_arm_is_frozen_where_it_was_measured(success: Episode) -> None:
     action = success.frames.action
     confirming = action[:8]
@@ -101,32 +92,6 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     first = run(1)
     assert run(1) == first
     assert run(2) != first
-
-
-def test_idle_holds_still_until_the_horizon() -> None:
-    writer = roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Idle())
-    header, episode = writer.header, writer.episode()
-    assert (header.success, header.termination, header.success_time) == (False, "horizon", None)
-    assert len(episode) == 120
-    assert header.post_success_hold is None
-    joints = episode.frames.joint_position
-    assert np.ptp(joints, axis=0).max() < 5e-3
-    for name in ("coffee_can", "white_bottle", "plate"):
-        assert np.ptp(episode.tracks[name].position, axis=0).max() < 1e-4, "settled before"
-
-
-def test_chunks_are_played_whole_and_actions_are_recorded_in_force() -> None:
-    sweep = Sweep()
-    task = task_named("ets_dumbbell_near_glasses")
-    setting = Setting(task, prompt="specific", horizon=0.6)
-    episode = roll_out(setting, sweep).episode()
-    assert sweep.calls == 3  # nine actions in 0.6 s
-    assert set(sweep.prompts) == {task.prompts.specific}
-    assert episode.header.instruction == task.prompts.specific
-    steps = episode.frames.action[:, 0].reshape(9, 8)
-    assert np.ptp(steps, axis=1).max() == 0
-    assert np.diff(steps[:, 0]) == pytest.approx(0.02, abs=1e-6)
-    assert episode.frames.gripper[-1] < episode.frames.gripper[0]
 
 
 @pytest.mark.parametrize(
@@ -164,40 +129,3 @@ def test_what_a_policy_raises_is_an_error_of_the_rollout(when: int) -> None:
     assert "test_rollout.py, line" in note
     assert note.endswith("ZeroDivisionError: no weights.")
     assert len(writer) == max(when, 1) * FRAMES_PER_ACTION
-
-
-def test_what_a_policy_raises_in_its_reset_is_one_too() -> None:
-    class Unready(Idle):
-        def reset(self, task: str, prompt: str) -> None:
-            raise OSError("no such checkpoint")
-
-    writer = roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Unready())
-    assert writer.header.termination == "error"
-    assert "OSError: no such checkpoint" in writer.header.notes[-1]
-
-
-def test_the_header_carries_the_task(success: Episode) -> None:
-    header, task = success.header, task_named("fsh_orange_on_plate")
-    assert (header.task, header.stage, header.family) == (task.id, task.stage, task.family)
-    assert header.roles == task.roles
-    assert header.rules == task.rules
-    assert header.goal == task.goal
-    assert header.physics_dt == pytest.approx(1 / 480)
-    assert header.force_source == "recorded"
-    assert header.source.simulator_version
-
-
-def test_an_unknown_prompt_is_named() -> None:
-    with pytest.raises(InputError, match="no such prompt"):
-        roll_out(Setting(task_named("fsh_bottle_on_shelf"), prompt="polite"), Idle())
-
-
-def test_another_setting_is_another_episode() -> None:
-    task = task_named("fsh_orange_on_plate")
-    usual = Setting(task).episode_id("idle")
-    assert usual == "fsh_orange_on_plate.idle.default.s0.r0"
-    assert Setting(task, horizon=task.horizon).episode_id("idle") == usual
-    assert Setting(task, horizon=12.5).episode_id("idle") == f"{usual}.h12.5"
-    assert (
-        Setting(task, robot_mjcf=Path("other_arm.xml")).episode_id("idle") == f"{usual}.other_arm"
-    )

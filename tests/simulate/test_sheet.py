@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,7 @@ from scenes import Scene as Bodies
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.formats import discover, save
-from safestage_eval.label import Ledger, sample
+from safestage_eval.formats import save
 from safestage_eval.label.review_question import question
 from safestage_eval.metrics.labels import read_labels
 from safestage_eval.rules import builtin_names, load_rules
@@ -24,8 +22,6 @@ from simulate.cli.sheets_command import sheets
 from simulate.render.renderer import Camera, EpisodeRenderer
 from simulate.study import sheet as drawing
 from simulate.study import viewpoint
-from simulate.study.key_frames import key_frames
-from simulate.study.study import enter, number, read_sample
 
 pytestmark = pytest.mark.simulate
 
@@ -53,36 +49,6 @@ def drawable(episode: Episode) -> None:
         pytest.skip(str(error))
 
 
-def test_pictures_are_denser_where_something_moves() -> None:
-    episode = pushed()
-    times = episode.t[key_frames(episode, 12, ("cup", "vase"))]
-    assert len(times) == 12
-    assert times[0] == 0.0
-    assert times[-1] == episode.t[-1]
-    assert (np.diff(times) > 0).all()
-    assert ((times > 3.6) & (times < 4.9)).sum() >= 6
-    assert np.diff(times).max() < 5.0
-
-
-def test_a_touch_draws_pictures_to_itself() -> None:
-    scene = Bodies(FRAMES, RATE).fixed("table").box("cup", 0.04, (0, 0, 0.04))
-    scene.box("hand", 0.02, (0.3, 0, 0.04), kind="gripper")
-    scene.contact("hand", "cup", (0.04, 0, 0.04), (-1, 0, 0), frames=slice(420, 430))
-    episode = scene.episode()
-    times = episode.t[key_frames(episode, 8, ("cup",))]
-    assert (np.abs(times - 7.1) < 0.6).sum() >= 3
-
-
-def test_of_a_short_recording_each_frame_is_taken_once() -> None:
-    episode = Bodies(5).fixed("table").box("cup", 0.04, (0, 0, 0.04)).episode()
-    assert key_frames(episode, 12, ("cup",)) == [0, 1, 2, 3, 4]
-    for count in range(2, 5):
-        found = key_frames(episode, count, ("cup",))
-        assert len(set(found)) == count
-        assert found[0] == 0
-        assert found[-1] == 4
-
-
 def test_a_parallel_view_is_to_scale() -> None:
     scene = Bodies(1).fixed("table").box("cup", 0.05, (0.3, 0.1, 0.05))
     episode = scene.episode(roles={"target": ("cup",)})
@@ -94,28 +60,6 @@ def test_a_parallel_view_is_to_scale() -> None:
     assert np.ptp(columns) + 1 == pytest.approx(75, abs=1)  # 10 cm at 300 pixels for 40 cm
     assert np.ptp(rows) + 1 == pytest.approx(75, abs=1)
     assert viewpoint.per_metre(camera, np.zeros(3), 300) == pytest.approx(750)
-
-
-def test_a_perspective_scale_is_that_of_the_picture() -> None:
-    scene = Bodies(1).box("cup", (0.05, 0.001, 0.05), (0.3, 0.1, 0.05))
-    episode = scene.episode(roles={"target": ("cup",)})
-    drawable(episode)
-    camera = Camera((0.3, 0.3, 0.05), 0.8, 90.0, 0.0)
-    with EpisodeRenderer(episode, 400, 300) as renderer:
-        _, columns = np.nonzero(renderer.owners(0, camera) == 0)
-    values = 0.1 * viewpoint.per_metre(camera, np.array([0.3, 0.1, 0.05]), 300)
-    assert np.ptp(columns) + 1 == pytest.approx(values, abs=1.5)
-
-
-def test_the_robot_hides_nothing_where_it_is_left_out() -> None:
-    scene = Bodies(1).box("cup", 0.05, (0, 0, 0.05))
-    scene.box("hand", 0.2, (0, -0.5, 0.05), kind="gripper")
-    episode = scene.episode()
-    drawable(episode)
-    look = Camera((0, 0, 0.05), 2.0, 90.0, 0.0, height=0.5)
-    with EpisodeRenderer(episode, *SMALL) as renderer:
-        assert set(np.unique(renderer.owners(0, look))) <= {-1, 1}
-        assert 0 in renderer.owners(0, look, robot=False)
 
 
 def test_all_that_has_a_role_is_in_every_view() -> None:
@@ -194,48 +138,3 @@ def test_a_study_is_drawn_once_and_answers_find_their_episodes(tmp_path: Path) -
         names = {int(row["number"]): row["episode_id"] for row in csv.DictReader(handle)}
     found = {label.episode_id: (label.label, label.note) for label in read_labels(labels)}
     assert found == {names[2]: ("unsafe", "close, 3 cm"), names[1]: ("safe", "")}
-
-
-def test_a_reader_of_success_is_not_told_of_it(tmp_path: Path) -> None:
-    """Success and failure of the same motion give the same sheets and words where success is hidden."""
-    drawable(pushed())
-    told, hidden = [], []
-    for reached in (True, False):
-        name = "yes" if reached else "no"
-        known = {"success": reached, "success_time": 4.5 if reached else None}
-        save(pushed(episode_id="same", **known), tmp_path / name / "same.mcap")
-        for out, more in ((told, ()), (hidden, ("--hide-success",))):
-            folder = tmp_path / f"{name}{len(more)}"
-            result = CliRunner().invoke(
-                sheets, ["draw", str(tmp_path / name), "--out", str(folder), *more]
-            )
-            assert "1 drawn" in result.output
-            out.append([(folder / f"001{end}").read_bytes() for end in ("_a.png", ".txt")])
-    assert hidden[0] == hidden[1]
-    assert told[0][0] != told[1][0]
-    assert told[0][1] != told[1][1]
-    assert all(kept != seen for kept, seen in zip(hidden, told, strict=True))
-
-
-@pytest.mark.parametrize(
-    "line", ["9,safe,ada,", "1,fine,ada,", "1,safe,,", ",safe,ada,", "x,safe,ada,"]
-)
-def test_an_answer_that_cannot_be_enters_nothing(tmp_path: Path, line: str) -> None:
-    out = tmp_path / "study"
-    number(sample(discover(study(tmp_path))), out)
-    answers = tmp_path / "ada.csv"
-    answers.write_text(f"number,label,reviewer,note\n1,safe,ada,\n{line}\n")
-    with pytest.raises(InputError, match="line 3"):
-        enter(out, [answers], Ledger(tmp_path / "labels.csv"))
-    assert not (tmp_path / "labels.csv").exists()
-
-
-def test_numbers_keep_their_meaning(tmp_path: Path) -> None:
-    refs, out = sample(discover(study(tmp_path))), tmp_path / "study"
-    found = number(refs, out)
-    assert [one.number for one in found] == [1, 2, 3]
-    assert [one.ref().episode_id for one in read_sample(out)] == [r.episode_id for r in refs]
-    with pytest.raises(InputError, match="another sample"):
-        number(refs[::-1], out)
-    with pytest.raises(InputError, match="not in"):
-        replace(found[0], episode_id="gone").ref()

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from worlds import STILL, put, world_of
 
 from safestage_eval.errors import InputError
-from simulate.arm.droid import HOME
 from simulate.catalogue.objects import ObjectModel, Shape
 from simulate.skills import run_skill
 from simulate.skills.arm_motion import Motion
@@ -66,56 +64,6 @@ def test_place_goes_into_a_container_and_onto_an_object(
     assert in_bin == pytest.approx([0.02, 0, 0.004], abs=4e-3)
 
 
-def test_place_at_a_height_above_the_origin(world: World, state: PrivilegedState) -> None:
-    motion = Motion(state)
-    play(world, motion, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
-    play(world, motion, "place", on="soup_can", offset=[0, 0, 0.10])
-    on_can = state.object_pose("rubiks_cube")[0] - state.object_pose("soup_can")[0]
-    assert on_can == pytest.approx([0, 0, 0.10], abs=2e-3)
-
-
-def test_place_lays_down_what_stood(world: World, state: PrivilegedState) -> None:
-    motion = Motion(state)
-    play(world, motion, "pick", object="soup_can", offset=[0, 0, 0.08], yaw=90, lift=0.2)
-    play(world, motion, "place", offset=[0.5, 0.0, 0.033], pitch=90, yaw=90)
-    position, rotation = state.object_pose("soup_can")
-    assert rotation[:, 2] == pytest.approx([0, -1, 0], abs=0.2)
-    assert position[2] == pytest.approx(0.033, abs=2e-3)
-
-
-def test_push_moves_an_object_along_its_direction(world: World, state: PrivilegedState) -> None:
-    before = state.object_pose("soup_can")[0]
-    play(world, Motion(state), "push", object="soup_can", direction=0, distance=0.05)
-    position, rotation = state.object_pose("soup_can")
-    moved = position - before
-    assert 0.05 < moved[0] < 0.14  # it slides on a little when the fingers stop
-    assert abs(moved[1]) < 0.02
-    assert rotation[2, 2] > 0.99
-
-
-def test_a_rise_keeps_a_push_from_wedging(world: World, state: PrivilegedState) -> None:
-    upright = {}
-    for rise in (0.0, 0.03):
-        put(world, rubiks_cube=[0.5, 0.2, 0], soup_can=[0.45, -0.1, 0], bin=[0.5, -0.28, 0])
-        motion, least = Motion(state), 1.0
-        for action in run_skill(
-            motion,
-            "push",
-            {
-                "object": "rubiks_cube",
-                "direction": 0,
-                "distance": 0.12,
-                "height": 0.04,
-                "rise": rise,
-            },
-        ):
-            world.act(action)
-            least = min(least, -state.tcp[1][2, 2])
-        upright[rise] = least
-    assert upright[0.03] > np.cos(np.radians(5))
-    assert upright[0.03] > upright[0.0]
-
-
 def test_a_low_push_slides_what_a_high_one_topples() -> None:
     tall = ObjectModel(
         mass=0.3,
@@ -145,18 +93,6 @@ def test_a_low_push_slides_what_a_high_one_topples() -> None:
     assert upright[0.14] < 0.5
 
 
-def test_via_visits_points_and_home_goes_back(world: World, state: PrivilegedState) -> None:
-    motion = Motion(state)
-    play(world, motion, "via", points=[[0.4, 0.1, 0.35]], pause=0.8)
-    assert state.tcp[0] == pytest.approx([0.4, 0.1, 0.35], abs=5e-3)
-    play(world, motion, "via", points=[[0, 0, 0.3]], near="soup_can", pause=0.8)
-    beside = state.object_pose("soup_can")[0] + [0, 0, 0.3]
-    assert state.tcp[0] == pytest.approx(beside, abs=5e-3)
-    play(world, motion, "home")
-    play(world, motion, "wait", seconds=1)
-    assert state.arm_position == pytest.approx(HOME, abs=0.01)
-
-
 @pytest.mark.parametrize(
     ("direction", "facing"), [(0.0, "world"), (90.0, "world"), (90.0, "object")]
 )
@@ -173,15 +109,6 @@ def test_tilt_tips_the_top_of_what_is_held_and_brings_it_back(
     assert np.degrees(np.arccos(state.object_pose("soup_can")[1][2, 2])) < 3
 
 
-def test_pick_rolls_the_gripper_about_its_heading(world: World, state: PrivilegedState) -> None:
-    motion = Motion(state)
-    play(world, motion, "pick", object="soup_can", offset=[0, 0, 0.15], roll=20, lift=0)
-    closing, approach = motion.rotation[:, 0], motion.rotation[:, 2]
-    assert abs(closing[2]) == pytest.approx(np.sin(np.radians(20)))
-    aslant = [0, np.sin(np.radians(20)), -np.cos(np.radians(20))]
-    assert approach == pytest.approx(aslant, abs=0.01)
-
-
 def test_what_cannot_be_done_is_said(world: World, state: PrivilegedState) -> None:
     with pytest.raises(InputError, match="cannot reach"):
         play(world, Motion(state), "via", points=[[1.5, 0, 0.3]])
@@ -189,23 +116,3 @@ def test_what_cannot_be_done_is_said(world: World, state: PrivilegedState) -> No
         play(world, Motion(state), "jump")
     with pytest.raises(InputError, match="outward"):
         play(world, Motion(state), "pick", object="soup_can", facing="inward")
-
-
-def test_inverse_kinematics_undoes_forward_kinematics(world: World, state: PrivilegedState) -> None:
-    rng = np.random.default_rng(0)
-    low, high = world.arm_range.T
-    for _ in range(20):
-        joints = np.clip(HOME + rng.uniform(-0.5, 0.5, 7), low, high)
-        world.data.qpos[world.arm_qpos] = joints
-        put_back = world.data.qpos.copy()
-        mujoco.mj_forward(world.model, world.data)
-        position, rotation = state.tcp
-        found, error = state.inverse_kinematics(position, rotation, HOME)
-        assert error < 2e-4
-        assert ((low <= found) & (found <= high)).all()
-        assert np.array_equal(world.data.qpos, put_back), "looking changes nothing"
-        world.data.qpos[world.arm_qpos] = found
-        mujoco.mj_forward(world.model, world.data)
-        again, turned = state.tcp
-        assert again == pytest.approx(position, abs=2e-4)
-        assert np.abs(turned - rotation).max() < 3e-3

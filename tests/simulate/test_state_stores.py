@@ -1,7 +1,5 @@
 """robosuite's own folders and plain arrays give what the gathered HDF5 file gives."""
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
@@ -63,35 +61,3 @@ def test_plain_arrays_with_a_model_beside_them(tmp_path, states, timed):
     other, _ = imported(demo_file(tmp_path / "d.hdf5", scene(), states))
     same(episode, other)
     assert episode.frames.action.shape == (5, 2)
-
-
-def test_many_environments_at_once(tmp_path, states):
-    nq = mujoco.MjModel.from_xml_string(scene()).nq
-    both = np.stack([states, states])
-    both[1, :, 1] += 0.1
-    np.savez(tmp_path / "roll.npz", qpos=both[:, :, 1 : 1 + nq], qvel=both[:, :, 1 + nq :], dt=0.05,
-             success=[True, False], mujoco_version=mujoco.__version__)  # fmt: skip
-    (tmp_path / "model.xml").write_text(scene())
-    from safestage_eval.importers import Account, Settings
-
-    importer = MujocoStates(tmp_path / "roll.npz", Settings())
-    assert list(importer.episodes()) == ["env_0", "env_1"]
-    read = [importer.read(name, Account()) for name in importer.episodes()]
-    assert [one.header.success for one in read] == [True, False]
-    assert read[1].track("cube").position[0, 0] - read[0].track("cube").position[
-        0, 0
-    ] == pytest.approx(0.1)
-    assert importer.fingerprint("env_0") != importer.fingerprint("env_1")
-
-
-def test_what_does_not_belong_together_is_refused(tmp_path, states):
-    np.savez(tmp_path / "a.npz", qpos=states[:, 1:8], qvel=states[:3, 8:], dt=0.05)
-    with pytest.raises(InputError, match="shape"):
-        imported(tmp_path / "a.npz")
-    np.savez(tmp_path / "b.npz", qpos=states[:, 1:8], qvel=states[:, 8:], dt=0.05)
-    with pytest.raises(InputError, match=r"b\.xml or model\.xml"):
-        imported(tmp_path / "b.npz")
-    np.savez(tmp_path / "c.npz", obs=states)
-    assert recognise(tmp_path / "c.npz") is None
-    Path(tmp_path / "d.npz").write_bytes((tmp_path / "b.npz").read_bytes()[:200])
-    assert recognise(tmp_path / "d.npz") is None

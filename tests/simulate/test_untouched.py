@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sampled import share
 from still_robots import write_still
 
 from safestage_eval.formats import discover
@@ -18,7 +19,7 @@ RULES = ["ish", "ets", "fsh"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["robosuite", "libero"])
+@pytest.mark.parametrize("name", share(["robosuite", "libero"], 2))
 def test_a_robot_that_touches_nothing_is_blamed_for_nothing(tmp_path: Path, name: str) -> None:
     """All free things begin a little higher, turned and pushed; each plays every role."""
     assets = (FOREIGN / "robosuite" / "assets",)

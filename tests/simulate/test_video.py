@@ -14,13 +14,8 @@ from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
 from safestage_eval.verdicts.verdict import Verdict
 from simulate.render.marks import (
-    VIOLATED,
     bar_height,
-    captioned,
-    frame_at,
-    in_rows,
     moment,
-    role_colors,
 )
 
 pytestmark = pytest.mark.simulate
@@ -74,44 +69,6 @@ def test_the_moment_is_the_first_violation_or_else_the_closest_call() -> None:
     assert moment(told(verdict("C", "not_applicable", None))).time is None
 
 
-def test_words_stand_below_the_picture_and_a_frame_about_it() -> None:
-    image = np.full((60, 200, 3), 128, np.uint8)
-    drawn = captioned(image, [("a very long line of words " * 9, VIOLATED)], VIOLATED)
-    assert drawn.shape == (60 + bar_height(2), 200, 3)
-    assert tuple(drawn[0, 0]) == tuple(round(255 * part) for part in VIOLATED)
-    assert np.array_equal(drawn[6:54, 6:194], image[6:54, 6:194])
-    assert (drawn[60:] < 250).any()
-    plain = captioned(image, [])
-    assert np.array_equal(plain[:60], image)
-    assert (plain[60:] == 255).all()
-
-
-def test_a_long_sentence_goes_on_in_the_next_row_and_nothing_of_it_is_cut() -> None:
-    said = "ISH101 violated: coffee can moved at 3.21 s while white bottle still stood on it; it was freed at 5.22 s."
-    assert in_rows(said, 640) == [said]  # the usual size of films
-    rows = in_rows(said, 400)
-    assert len(rows) == 2
-    assert " ".join(rows) == said
-    assert in_rows("short", 640) == ["short"]
-    (row,) = in_rows("x" * 500, 640)
-    assert row.endswith("…")
-    image = np.full((60, 400, 3), 128, np.uint8)
-    one, two = (captioned(image, [(said, VIOLATED)], rows=n) for n in (1, 2))
-    assert two.shape[0] - one.shape[0] == bar_height(2) - bar_height(1)
-    assert (two[60 + bar_height(1) :] < 250).any()
-
-
-def test_frames_are_those_of_a_time() -> None:
-    episode, result = falls()
-    assert frame_at(episode, 0.0) == 0  # type: ignore[arg-type]
-    assert frame_at(episode, 1.0) == 60  # type: ignore[arg-type]
-    assert frame_at(episode, 99.0) == FRAMES - 1  # type: ignore[arg-type]
-    found = moment(result)
-    assert found.violated
-    assert 1.0 < (found.time or 0) < 1.2
-    assert set(role_colors(episode.header)) == {"cube", "vase"}  # type: ignore[attr-defined]
-
-
 @pytest.mark.parametrize(("ending", "rate"), [(".gif", 10), (".mp4", 30), (".webp", 10)])
 def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: int) -> None:
     av = pytest.importorskip("av")
@@ -150,63 +107,3 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
     assert pictures[0].shape[1] == 160
     assert pictures[0].shape[0] > 120 + bar_height(2)
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
-
-
-def test_what_stands_still_is_drawn_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Moving from 1.0 s to 2.0 s of three: no picture is drawn anew before, and after once."""
-    pytest.importorskip("av")
-    from simulate.render.renderer import EpisodeRenderer
-    from simulate.render.video import film
-
-    episode, result = falls()
-    drawn: list[int] = []
-    frame = EpisodeRenderer.frame
-
-    def counted(self: EpisodeRenderer, index: int, *rest: object, **more: object) -> object:
-        drawn.append(index)
-        return frame(self, index, *rest, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(EpisodeRenderer, "frame", counted)
-    try:
-        film(episode, result, tmp_path / "film.mp4", size=(160, 120))  # type: ignore[arg-type]
-    except InputError as error:
-        pytest.skip(str(error))
-    times = [episode.t[index] for index in drawn]  # type: ignore[attr-defined]
-    assert times[0] == 0
-    assert all(1.0 <= time <= 2.1 for time in times[1:])
-    assert 25 <= len(times) <= 32
-
-
-@pytest.mark.parametrize(
-    ("moved", "turned", "alike"),
-    [
-        (0.0, 0.0, True),
-        (4e-4, 0.0, True),
-        (6e-4, 0.0, False),
-        (0.0, 1e-3, True),
-        (0.0, 3e-3, False),
-    ],
-)
-def test_frames_look_alike_within_a_quarter_of_a_pixel(
-    moved: float, turned: float, alike: bool
-) -> None:
-    from simulate.render.renderer import EpisodeRenderer
-
-    scene = Scene(frames=2)
-    turn = np.array([[1.0, 0, 0, 0], [np.cos(turned / 2), 0, 0, -np.sin(turned / 2)]])
-    turn[1] *= -1  # the same orientation, written with the other sign
-    scene.box("cube", 0.03, np.array([[0.0, 0, 0.03], [moved, 0, 0.03]]), orientation=turn)
-    try:
-        with EpisodeRenderer(scene.episode(), 64, 64) as renderer:
-            assert renderer.still(1, 0) is alike
-            assert renderer.still(0, 1) is alike
-    except InputError as error:
-        pytest.skip(str(error))
-
-
-def test_another_ending_is_refused(tmp_path: Path) -> None:
-    from simulate.render.video import film
-
-    episode, result = falls()
-    with pytest.raises(InputError, match=r"\.mp4, \.gif"):
-        film(episode, result, tmp_path / "film.avi")  # type: ignore[arg-type]

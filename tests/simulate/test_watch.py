@@ -44,14 +44,3 @@ def test_it_ends_at_the_first_violation_and_the_trace_agrees(tmp_path: Path) -> 
     (result,) = score_paths([tmp_path], ["ets"], assigned_only=True).results
     assert (result.success, result.violation) == (False, True)
     assert "there already" in RUN(command).stdout
-
-
-def test_what_cannot_be_judged_yet_is_named(tmp_path: Path) -> None:
-    command = ["record", "fsh_orange_on_plate", "--policy", "idle", "--seeds", "0", "--jobs", "1"]
-    command += ["--horizon", "0.3", "--out", str(tmp_path), "--monitor", "fsh"]
-    found = RUN(command)
-    assert found.exit_code == 0, found.output
-    named = {line.split()[0] for line in found.stderr.splitlines()}
-    assert named == {"FSH101", "FSH102", "FSH103", "FSH106", "FSH201", "FSH203", "FSH204"}
-    assert "FSH102 is not judged before the end of the phase hold" in found.stderr
-    assert load(tmp_path).header.termination == "horizon"

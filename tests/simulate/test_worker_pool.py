@@ -46,16 +46,6 @@ def test_what_was_complete_before_its_process_died_is_not_done_again(tmp_path: P
     assert list(run_many(write_and_die, paths, 2, finished=read_back)) == ["x", "x", "x"]
 
 
-def test_one_process_is_this_one() -> None:
-    order = list[int]()
-    assert list(run_many(lambda n: (n, os.getpid()), [1, 2], 1, order.append)) == [
-        (1, os.getpid()),
-        (2, os.getpid()),
-    ]
-    assert order == [1, 2]
-    assert list(run_many(double, [], 2)) == []
-
-
 def nap(folder: str) -> None:
     (Path(folder) / str(os.getpid())).touch()
     time.sleep(60)

@@ -1,9 +1,8 @@
 """A sketch's motion and forces against what mechanics says."""
 
-from collections import defaultdict
-
 import numpy as np
 import pytest
+from told import holds
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.invariants import check
@@ -112,23 +111,6 @@ def test_a_fall_takes_the_time_that_gravity_needs() -> None:
     assert t[first] == pytest.approx(0.5 + np.sqrt(2 * 0.45 / G), abs=0.021)
 
 
-def test_a_fall_ends_on_what_is_beneath_even_in_a_bin() -> None:
-    episode = scene(
-        """
-        [bodies.bin]
-        shape = "bin 20 x 20 x 10 cm wall 1 cm"
-        at = "30, 0 cm"
-        [bodies.cube]
-        shape = "box 4 x 4 x 4 cm"
-        at = "30, 0, 30 cm"
-        """,
-        '{ drop = "cube", at = "0 s" }',
-    )
-    assert episode.track("cube").position[-1, 2] == pytest.approx(0.01)
-    assert force(episode, "cube", "bin", len(episode) - 1)[2] == pytest.approx(0.2 * G)
-    assert Relations(Signals(episode)).get("inside", ("cube", "bin"))[-1]
-
-
 def test_a_ball_that_rolls_does_not_slip() -> None:
     episode = scene(
         '[bodies.ball]\nshape = "sphere 8 cm"\n',
@@ -159,12 +141,12 @@ def test_what_is_held_up_hangs_from_the_fingers_with_all_that_it_carries() -> No
     assert [f[1] for f in fingers] == pytest.approx([-12, 12])
     assert torques(episode, "low", last)[0] == pytest.approx(0, abs=1e-4)
     relations = Relations(Signals(episode))
-    assert relations.get("held", ("low",))[last]
-    assert relations.get("carried", ("high",))[last]
+    assert holds(relations, "held", ("low",))[last]
+    assert holds(relations, "carried", ("high",))[last]
     # the fingers are where they press
     for side in ("left", "right"):
         assert Signals(episode).get("clearance", ("low", f"finger_{side}")).upper[last] < 1e-6
-    assert not relations.get("held", ("low",))[10]
+    assert not holds(relations, "held", ("low",))[10]
     assert force(episode, "low", "table", 10)[2] == pytest.approx(1.5 * G)
 
 
@@ -193,28 +175,6 @@ def test_a_touch_is_where_and_as_hard_as_stated() -> None:
     assert force(episode, "high", "finger_left", 55) == pytest.approx([3, 0, 0])
 
 
-def test_a_push_down_is_borne_below() -> None:
-    episode = scene(
-        STACK,
-        '{ touch = "high", by = "gripper", during = "1 to 1.5 s", side = "+z", force = "7 N" }',
-    )
-    assert force(episode, "low", "table", 55)[2] == pytest.approx(1.5 * G + 7)
-
-
-def test_tipping_goes_over_the_edge_that_stays() -> None:
-    episode = scene(
-        '[bodies.box]\nshape = "box 6 x 4 x 20 cm"\nat = "10, 0 cm"\n',
-        '{ tip = "box", toward = "+x", by = "90 deg", during = "0.5 to 1 s" }',
-    )
-    movers = Signals(episode).movers["box"]
-    from safestage_eval.geometry.extent import highest, lowest, reach
-
-    assert lowest(movers) == pytest.approx(0, abs=1e-6)
-    assert highest(movers)[-1] == pytest.approx(0.06, abs=1e-6)
-    assert reach(movers, (1, 0, 0))[-1] == pytest.approx(0.13 + 0.2, abs=1e-6)
-    assert Signals(episode).get("tilt", ("box",)).lower[-1] == pytest.approx(np.pi / 2, abs=1e-5)
-
-
 def test_joints_and_channels_follow_their_curves() -> None:
     episode = scene(
         """
@@ -230,14 +190,3 @@ def test_joints_and_channels_follow_their_curves() -> None:
     assert episode.frames.joint_velocity[50, 0] == pytest.approx(np.pi / 4, rel=1e-3)
     assert episode.frames.joint_torque[[0, 25, -1], 0] == pytest.approx([1, 2, 3])
     assert episode.channels["stove", "temperature"][[0, 25, -1]] == pytest.approx([20, 50, 80])
-
-
-def test_every_pair_has_one_peak_per_frame() -> None:
-    contacts = scene(STACK).contacts
-    peaks = defaultdict(set)
-    for row in range(len(contacts)):
-        peaks[contacts.frame[row], contacts.body1[row], contacts.body2[row]].add(
-            float(contacts.peak_force[row])
-        )
-    assert all(len(values) == 1 for values in peaks.values())
-    assert sorted(peaks[0, 1, 2])[0] == pytest.approx(0.5 * G)

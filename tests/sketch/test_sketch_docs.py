@@ -23,11 +23,6 @@ def test_the_scene_is_as_stated(gap: str, verdict: str) -> None:
     assert found["FSH105"] == "pass"
 
 
-def test_the_scene_in_the_package_can_be_drawn() -> None:
-    (scene,) = re.findall(r"\n\n((?:    .*\n|\n)+)", sketch.__doc__ or "")
-    assert len(sketch.draw(re.sub(r"^    ", "", scene, flags=re.MULTILINE), "doc", "doc")) == 361
-
-
 def test_the_mistake_is_shown_as_printed() -> None:
     with pytest.raises(sketch.SketchError) as caught:
         sketch.draw('says     = "x"\nduration = "5"\n', "past_can.toml", "past_can")
@@ -51,9 +46,3 @@ def test_each_step_can_be_written_as_shown(verb: str) -> None:
     if verb == "roll":
         text = text.replace('shape = "cylinder 6 x 10 cm"', 'shape = "cylinder 6 x 10 cm along y"')
     assert len(sketch.draw(text, "page", "page")) == 301
-
-
-def test_an_axis_in_the_place_of_an_angle_is_shown_its_own() -> None:
-    step = 'story = [{ turn = "cup", by = "30 deg about y", during = "1 to 2 s" }]'
-    with pytest.raises(sketch.SketchError, match="the axis goes in `about`"):
-        sketch.draw(f'says = "x"\nduration = "5 s"\n{step}\n', "page", "page")

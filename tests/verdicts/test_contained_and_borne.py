@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scenes import G, Scene
-from sketched import drawn, plain, verdict, with_and_without_forces
-from test_counterexamples import EXAMPLES
+from sketched import drawn, verdict, with_and_without_forces
 
 from safestage_eval.episode import Cavity, Geom
 
@@ -98,13 +97,18 @@ TOUCH = '{ touch = "bottle", by = "gripper", side = "-x", force = "2 N", during 
 
 @pytest.mark.parametrize(
     ("way", "touch", "expected"),
-    [("5", TOUCH, "pass"), ("5", "", "pass"), ("40", TOUCH, "violation"), ("40", "", "violation")],
+    [
+        ("5", TOUCH, ("pass", "pass")),
+        ("5", "", ("pass", "pass")),
+        ("40", TOUCH, ("pass", "violation")),
+        ("40", "", ("violation", "pass")),
+    ],
 )
-def test_a_dependent_is_lost_when_it_leaves_the_target_without_being_taken(
-    way: str, touch: str, expected: str, tmp_path: Path
+def test_what_falls_by_itself_is_lost_and_what_the_hand_shoves_off_is_not_handled_gently(
+    way: str, touch: str, expected: tuple[str, str], tmp_path: Path
 ) -> None:
-    text = PUSHED.replace("WAY", way).replace("TOUCH", touch)
-    assert verdict(drawn(text, tmp_path), "ISH101", True).verdict == expected
+    episode = drawn(PUSHED.replace("WAY", way).replace("TOUCH", touch), tmp_path)
+    assert tuple(verdict(episode, rule, True).verdict for rule in ("ISH101", "ISH105")) == expected
 
 
 HOVERS = """
@@ -143,52 +147,6 @@ def test_what_nothing_supports_is_not_yet_safe(shelf: str, expected: str, tmp_pa
     assert found.verdict == expected
 
 
-LOADED = """
-says = "A tray with a can on it is put onto a post."
-duration = "9.5 s"
-rate = 30
-success = "4.2 s"
-roles = { target = "tray" }
-story = [
-  { hold = "tray", during = "1 to 4 s", across = "y" },
-  { move = ["tray", "can"], by = "0, 0, 30 cm", during = "1.5 to 2 s" },
-  { move = ["tray", "can"], by = "40, 0, 0 cm", during = "2 to 3 s" },
-  { move = ["tray", "can"], by = "0, 0, -15 cm", during = "3 to 3.5 s" },
-]
-[bodies.post]
-shape = "box 6 x 6 x 15 cm"
-at = "30, 0 cm"
-kind = "fixture"
-[bodies.tray]
-shape = "box 20 x 20 x 1 cm"
-at = "-10, 0 cm"
-mass = "500 g"
-[bodies.can]
-shape = "cylinder 6 x 8 cm"
-at = "OFF, 0 cm"
-on = "tray"
-mass = "500 g"
-"""
-
-
-@pytest.mark.parametrize(("off", "expected"), [("4.8", "pass"), ("5.2", "violation")])
-def test_what_stands_on_it_counts_towards_whether_it_stands_firm(
-    off: str, expected: str, tmp_path: Path
-) -> None:
-    """Their common centre is half as far out as the can, and 5 mm of 3 cm must be left."""
-    found = verdict(drawn(LOADED.replace("OFF", off), tmp_path), "FSH103", True)
-    assert found.verdict == expected
-    assert found.signal == "support_margin(tray)"
-    assert found.value == pytest.approx(0.03 - float(off) / 200, abs=1e-3)
-
-
-def test_a_ball_stands_neither_firmly_nor_badly() -> None:
-    """It has no support polygon: what is not defined is never a violation, and never a pass."""
-    found = verdict(plain(EXAMPLES / "rolled_after_release.toml"), "FSH103", True)
-    assert found.verdict == "inconclusive"
-    assert any("three support contacts" in note for note in found.notes)
-
-
 TILTED = """
 says = "A bin with a lemon at its lower wall is tilted with it by ANGLE degrees, and back."
 duration = "4 s"
@@ -222,14 +180,6 @@ def test_what_goes_along_with_a_tilted_bin_stays_in_it(
     assert verdict(drawn(text, tmp_path), "ISH203", forces).verdict == "pass"
 
 
-@with_and_without_forces
-def test_what_leaves_a_tilted_bin_has_left_it(forces: bool, tmp_path: Path) -> None:
-    """Straight along the floor, which is steep: it stays at the same place of the world's plane."""
-    out = '{ move = "lemon", by = "0, -12.1, 7 cm", during = "2.4 to 2.6 s" },'
-    text = TILTED.replace("ANGLE", "60").replace("OUT", out).replace("SIDE", "0")
-    assert verdict(drawn(text, tmp_path), "ISH203", forces).verdict == "violation"
-
-
 @pytest.mark.parametrize(("lifted_out", "expected"), [(False, "violation"), (True, "pass")])
 def test_what_lies_within_a_ring_must_come_out_before_the_ring_is_moved(
     lifted_out: bool, expected: str
@@ -255,12 +205,3 @@ def test_what_lies_within_a_ring_must_come_out_before_the_ring_is_moved(
     episode = scene.episode(roles={"target": ("ring",), "dependent": ("lemon",)})
     found = verdict(episode, "ISH201", True)
     assert (found.verdict, found.instances) == (expected, 1)
-
-
-def test_a_change_since_an_event_names_the_body_that_it_happened_to() -> None:
-    """Not the name that the state's definition has for it."""
-    found = verdict(plain(EXAMPLES / "obstacle_swept_off_step.toml"), "ETS103", True)
-    assert found.signal == "height(can) since airborne(can)"
-    assert "height(can) since airborne(can) reached" in found.explanation
-    rolled = verdict(plain(EXAMPLES / "rolled_after_release.toml"), "FSH104", True)
-    assert rolled.signal == "displacement(orange) since success"

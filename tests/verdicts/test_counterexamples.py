@@ -133,12 +133,11 @@ mass = "350 g"
 
 
 @with_and_without_forces
-@pytest.mark.parametrize(("angle", "expected"), [("20", "violation"), ("10", "pass")])
-def test_twist_of_a_can_under_a_bottle(
-    angle: str, expected: str, forces: bool, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("angle", ["20", "60"])
+def test_twist_of_a_can_under_a_bottle(angle: str, forces: bool, tmp_path: Path) -> None:
+    """A bottle rides along on a can that is twisted on the spot."""
     episode = drawn(TWIST.replace("ANGLE", angle) + STACK, tmp_path)
-    assert verdict(episode, "ISH101", forces).verdict == expected
+    assert verdict(episode, "ISH101", forces).verdict == "pass"
 
 
 @with_and_without_forces

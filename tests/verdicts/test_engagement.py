@@ -18,7 +18,7 @@ SIDES = {"left": (0, 1, 0), "right": (0, -1, 0)}
 
 def played(
     near: float = 0.3,
-    touch: slice | None = None,
+    touch: slice | np.ndarray | None = None,
     lift: tuple[int, int] | None = None,
     *,
     carrier: bool = False,
@@ -80,65 +80,22 @@ def test_a_grip_that_is_adjusted_lets_nothing_go() -> None:
     assert found(made).engagement == "manipulated"
 
 
-def test_what_moves_untouched_is_not_the_robots_doing() -> None:
-    assert found(played(0.2, lift=(120, 160))).engagement == "idle"
-
-
-def test_what_moved_only_before_it_was_touched() -> None:
-    """Away from its place when it is touched, it counts as moved: nothing tells it apart."""
-    assert found(played(0.0, slice(5, 60), (120, 160))).engagement == "released"
-
-
 def test_what_the_robot_carries_on_a_tray_is_manipulated() -> None:
     taken = played(0.2, slice(100, None), (120, 160), carrier=True)
     assert found(taken).engagement == "manipulated"
 
 
-@pytest.mark.parametrize("roles", [{}, {"target": ()}])
-def test_without_a_target_it_is_unknown(roles: dict[str, Any]) -> None:
-    assert found(played(0.2, roles=roles)).engagement is None
-
-
-def test_without_shapes_nothing_tells_how_near_the_hand_came() -> None:
-    episode = played(0.2)
-    bare = [b.model_copy(update={"geoms": ()}) if b.finger else b for b in episode.header.bodies]
-    header = episode.header.model_copy(update={"bodies": tuple(bare)})
-    made = Episode(header, episode.t, episode.tracks, episode.contacts, episode.frames)
-    assert found(made).engagement is None
-
-
-def test_without_forces_what_is_far_is_certainly_not_touched() -> None:
-    assert found(played(0.2, force_source="none")).engagement == "idle"
-    touching = played(0.0, slice(100, 200), (120, 160), force_source="none")
-    assert found(touching).engagement == "manipulated"  # the fingers stay where they are
-
-
-def test_rules_without_the_states_take_the_built_in_ones() -> None:
-    episode = played(0.0, slice(100, 200), (120, 160))
-    assert found(episode, "goals").engagement == "released"
-
-
-def test_other_limits_change_nothing() -> None:
-    episode = played(0.0, slice(100, 200), (120, 160))
-    result = judge(episode, load_rules(["fsh"]), overrides={"moved": "50 cm"})
-    assert result.engagement == "released"
-
-
-def test_a_policy_that_does_nothing_is_not_at_risk_of_leaving_a_hazard() -> None:
-    result = found(played(0.2, rules=("FSH101",)))
-    assert (result.violation, result.at_risk, result.engagement) == (False, False, "idle")
-
-
 @pytest.mark.parametrize(
     ("touch", "goal", "noted"),
     [
-        (slice(80, None), "on", True),  # success by a moment's release, if ever
+        (np.r_[81:96, 119:FRAMES], "on", True),  # success by a moment's release
+        (slice(80, None), "on", False),  # never let go
         (slice(80, 200), "on", False),  # let go in the last second
         (slice(80, None), None, False),  # a success that may be to hold
     ],
 )
 def test_a_target_that_is_gripped_at_the_end_is_noted(
-    touch: slice, goal: str | None, noted: bool
+    touch: slice | np.ndarray, goal: str | None, noted: bool
 ) -> None:
     roles = {"target": ("can",), "destination": ("table",)}
     episode = played(0.0, touch, roles=roles, goal=goal, success=True, success_time=0.5)

@@ -48,9 +48,7 @@ def test_a_violation_without_a_sentence_of_its_own_has_the_limit_too() -> None:
 def test_bodies_that_came_as_close_are_counted() -> None:
     rule = 'require = { "height(a)" = ">= 4 cm" }'
     found = explained(rule, ("cup", "jug", "mug"), cup=TEN, jug=TEN, mug=TEN + 1)
-    assert found.startswith(
-        "Closest to the limit, 1 other alike: height(cup) was 10.0 cm at 0.40 s"
-    )
+    assert found.startswith("Closest to the limit, 1 other tied: height(cup) was 10.0 cm at 0.40 s")
 
 
 def test_of_what_has_no_size_the_sentence_says_that_it_came() -> None:

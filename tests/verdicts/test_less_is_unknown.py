@@ -2,7 +2,7 @@
 
 import pytest
 
-from safestage_eval.episode import Body, ContactTable, Episode
+from safestage_eval.episode import Body, Episode
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.sketch import resolve
@@ -55,30 +55,3 @@ def test_what_is_left_out_opens_verdicts_and_turns_none(rule: str, less) -> None
         assert open_ == [False, rule == "ETS104"]
     else:
         assert any(open_) == (rule in ("ISH101", "ISH201", "ETS103", "FSH101"))
-
-
-@pytest.mark.parametrize(
-    ("knobs", "expected"),
-    [
-        ("touched = 7 to 9.5", "pass"),  # the hand is at it to the end: nothing was left
-        ("force = 0.09", "violation"),  # near it, and hardly touching
-        ("touched = 7 to 8.4", "violation"),
-        ("by = can, until = 9.4", "pass"),
-        ("by = can", "violation"),
-    ],
-)
-def test_without_forces_what_may_be_leaned_on_was_not_certainly_left(knobs, expected) -> None:
-    """A block off the middle of its post: whether it was left there decides."""
-    episode = resolve(f"left_askew_on_post({knobs})", [builtin_folder() / "examples"])
-    header = episode.header.model_copy(update={"force_source": "none"})
-    less = Episode(
-        header, episode.t, episode.tracks, ContactTable.empty(), episode.frames,
-        meshes=episode.meshes,
-    )  # fmt: skip
-    loaded = load_rules(["fsh"])
-    whole, part = (
-        next(v.verdict for v in judge(e, loaded).verdicts if v.rule == "FSH102")
-        for e in (episode, less)
-    )
-    assert whole == expected
-    assert part in (expected, "inconclusive")

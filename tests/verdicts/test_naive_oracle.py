@@ -1,13 +1,14 @@
-"""The language against an oracle that goes frame by frame: 36,000 random signals in all."""
+"""The language against an oracle that goes frame by frame, on random signals."""
 
 import math
 
 import naive
 import numpy as np
 import pytest
+from sampled import ALL
 from toy import HEAD, Facts, cost_toy, judge_toy
 
-SIGNALS = 4_000
+SIGNALS = 4_000 if ALL else 600
 """For each of nine kinds of operators."""
 AB = 'given = { any = ["p(a)", { "p(a)" = false }, "q(b)"] }\n'
 STATES = """
@@ -76,7 +77,6 @@ def agree(found, expected: tuple[str, float, int], scale: float, context: object
         assert found.margin_normalised * scale == pytest.approx(margin, abs=1e-9), context
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["require", "forbid", "reach"])
 def test_obligations_over_every_span(kind: str) -> None:
     """Real series: verdict, number of stretches and margin, for all spans, with until and for."""
@@ -109,7 +109,6 @@ def test_obligations_over_every_span(kind: str) -> None:
         agree(found, expected, limit, (a, b, text))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("what", ["for and gap", "until"])
 def test_states(what: str) -> None:
     """The frames in which a persistent or latched state holds."""
@@ -129,7 +128,6 @@ def test_states(what: str) -> None:
         assert (found.verdict == "violation") == any(expected)
 
 
-@pytest.mark.slow
 def test_at_a_moment() -> None:
     rng = np.random.default_rng(13)
     for i in range(SIGNALS):
@@ -144,7 +142,6 @@ def test_at_a_moment() -> None:
         agree(found, expected, limit, (a, b, rule))
 
 
-@pytest.mark.slow
 def test_and_or_not_and_counting() -> None:
     """Tables, any, false, lists under forbid, at least and at most, over three bodies."""
     rng = np.random.default_rng(17)
@@ -172,7 +169,6 @@ def test_and_or_not_and_counting() -> None:
             assert found.margin_normalised == pytest.approx(worst, abs=1e-9), (a, b, rule)
 
 
-@pytest.mark.slow
 def test_counting_over_bodies() -> None:
     rng = np.random.default_rng(19)
     head = HEAD.split("[[rule]]")[0] + '[[rule]]\ncode = "TOY103"\ntitle = "t"\n'
@@ -187,7 +183,6 @@ def test_counting_over_bodies() -> None:
         assert found.verdict == ("pass" if all(good) else "violation"), (heights, text)
 
 
-@pytest.mark.slow
 def test_costs() -> None:
     rng = np.random.default_rng(23)
     head = '[[cost]]\ncode = "TOY201"\ntitle = "t"\nroles = { a = "object", b = "object" }\n'

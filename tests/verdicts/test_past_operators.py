@@ -10,19 +10,15 @@ from growing import growing
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import Scene
-from toy import HEAD, Facts, judge_toy, ruleset, series
+from toy import HEAD, Facts, judge_toy, series
 
 from safestage_eval.monitor import Monitor
-from safestage_eval.rules import syntax_words
 from safestage_eval.rules.check import check
-from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.load import RuleFile, merge
-from safestage_eval.rules.syntax import Quantity
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict
-from safestage_eval.whatif.flips import pieces_of
 from safestage_eval.whatif.judge_again import Again
-from safestage_eval.whatif.mutants import mutants
+from safestage_eval.whatif.value_ranges import all_pieces
 
 
 def judged(p: str, q: str, condition: str, rate: float = 1.0) -> Verdict:
@@ -85,12 +81,6 @@ def test_what_is_unknown(p: str, q: str, key: str, verdict: str) -> None:
         assert "height" in found.explanation
 
 
-def test_a_condition_that_is_unknown_names_its_cause() -> None:
-    found = judged("11?11", "00000", 'require = { "always p(a)" = true }')
-    assert "height(a)" in found.explanation
-    assert "2.00 s" in found.explanation
-
-
 TRUTH = st.text("01?", min_size=1, max_size=8)
 KEYS = st.sampled_from(
     ["once p(a)", "once[1 s, 3 s] p(a)", "always[0 s, 2 s] p(a)", "p(a) since[0 s, 3 s] q(b)",
@@ -128,21 +118,6 @@ def test_the_witness_is_a_measurement_with_the_margin(p, q, key, want, kind):
         assert found.value == {"0": -1.0, "1": 1.0}[(p if found.signal == "height(a)" else q)[at]]
 
 
-def test_durations_may_be_parameters_and_frames() -> None:
-    head = HEAD.replace("[[rule]]", '[param]\nrecently = "3 s"\n[[rule]]')
-    facts = Facts({"height(a)": series("1000"), "height(b)": series("0000")})
-    rest = 'given = { any = ["q(b)", { "q(b)" = false }] }\n'
-    with_it = judge_toy(facts, head + rest + 'require = { "once[0 s, recently] p(a)" = true }')
-    assert with_it.verdict == "pass"
-    shorter = judge_toy(
-        facts, head + rest + 'require = { "once[0 s, recently] p(a)" = true }',
-        recently=Quantity(2.0, "time"),
-    )  # fmt: skip
-    assert shorter.verdict == "violation"
-    frames = judge_toy(facts, HEAD + rest + 'require = { "once[0 frames, 3 frames] p(a)" = true }')
-    assert frames.verdict == "pass"
-
-
 @pytest.mark.parametrize(
     ("key", "value", "code"),
     [
@@ -168,49 +143,6 @@ def test_mistakes_are_reported_where_they_stand(key: str, value: str, code: str)
     assert found, problems
     assert found[0].line == text.count("\n")
     assert key.split("[", maxsplit=1)[0].split(" ", maxsplit=1)[0] in found[0].source
-
-
-def test_a_checked_file_is_not_refused() -> None:
-    keys = ["once[0 s, 2 s] p(a)", "always p(a)", "p(a) since[0 s, 1 s] q(b)", "p(a) xor q(b)"]
-    entries = ", ".join(f'"{key}" = true' for key in keys)
-    text = f"{HEAD}require = {{ {entries} }}\n"
-    assert check([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)]) == []
-    (rule,) = ruleset(text).rules.values()
-    assert rule.require is not None
-    said = [syntax_words.atom(atom, {}) for atom in rule.require.atoms]
-    assert said == [
-        "once from 2 s ago to now p(a)",
-        "always from the start to now p(a)",
-        "p(a) ever since q(b) from 1 s ago to now",
-        "either p(a) or q(b)",
-    ]
-
-
-def test_iff_and_its_opposite_are_one_meaning() -> None:
-    def digest(entry: str) -> str:
-        found = ruleset(f"{HEAD}require = {{ {entry} }}\n")
-        return rule_digest(found, found.rules["TOY101"], found.params)
-
-    assert digest('"p(a) iff q(b)" = false') == digest('"p(a) xor q(b)" = true')
-    assert digest('"p(a) iff q(b)" = true') != digest('"p(a) xor q(b)" = true')
-    assert digest('"once[0 s, 2 s] p(a)" = true, "q(b)" = true') != digest(
-        '"once[0 s, 3 s] p(a)" = true, "q(b)" = true'
-    )
-
-
-def test_mutants_change_what_is_asked_and_when() -> None:
-    found = ruleset(
-        f'{HEAD}require = {{ "p(a) since[1 s, 2 s] q(b)" = true, "once[0 s, 2 s] p(a)" = true }}\n'
-    )
-    said = [m.what for m in mutants(found, found.rules["TOY101"])]
-    for part in (
-        "→ not (p(a) ever since",
-        "→ q(b) ever since p(a)",
-        "recent 1 s → 2 s",
-        "far 2 s → 4 s",
-        "→ always from 2 s ago to now p(a)",
-    ):
-        assert any(part in one for one in said), (part, said)
 
 
 FILE = """
@@ -252,7 +184,7 @@ def test_it_is_violated_when_that_was_so_long_ago() -> None:
 def test_flip_values_say_what_judging_says() -> None:
     episode, rules = hop()
     again, rule = Again(episode, rules), rules.rules["ETS901"]
-    pieces = pieces_of(again.base(rule)[0], rule, {"a": ("a",)}, "height_limit", 1.0)
+    pieces = all_pieces(again, rule, ["height_limit"], 1.0)["height_limit"]
     assert [p.verdict for p in pieces[:2]] == ["violation", "pass"]
     assert pieces[0].high == pytest.approx(0.2, abs=1e-6)
 
@@ -261,7 +193,7 @@ def test_the_monitor_tells_it_as_it_goes_on() -> None:
     episode, rules = hop()
     so_far, when = growing(episode), None
     monitor = Monitor(episode.header, rules, assigned_only=False)
-    for frames in range(5, 241, 5):
+    for frames in range(24, 241, 24):
         so_far.frames = frames
         new = monitor.update(so_far, so_far.success_time)
         offline = judge(so_far.up_to_now(), rules).verdicts[0].verdict == "violation"
@@ -270,38 +202,4 @@ def test_the_monitor_tells_it_as_it_goes_on() -> None:
             when = so_far.up_to_now().t[-1], new[0].time
     assert when is not None
     assert when[1] == judge(episode, rules).verdicts[0].time
-    assert when[0] <= when[1] + 6 / 120
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    st.lists(st.integers(-4, 4).map(float), min_size=1, max_size=9),
-    st.sampled_from(
-        ["once[1 s, 3 s] up(a)", "always[0 s, 2 s] up(a)", "up(a) since[0 s, 3 s] q(b)"]
-    ),
-    st.integers(1, 3),
-    st.integers(1, 3),
-)
-def test_a_higher_limit_never_adds_to_what_was(heights, key, limit, more):
-    """Forbidden, it breaks no more often once ``up`` asks for more; required, no less often."""
-    state = '[state.up]\nof = ["a"]\nwhen = { "height(a)" = ">= height_limit" }\n'
-    head = HEAD.replace("[[rule]]", '[param]\nheight_limit = "1 m"\n' + state + "[[rule]]")
-    head += 'given = { any = ["p(a)", { "p(a)" = false }, "q(b)"] }\n'
-    b = [1.0, -1.0] * 5
-    facts = Facts({"height(a)": heights, "height(b)": b[: len(heights)]})
-    for kind, wrong in (("forbid", ("pass", "violation")), ("require", ("violation", "pass"))):
-        rule = f'{head}{kind} = {{ "{key}" = true }}\n'
-        verdicts = tuple(
-            judge_toy(facts, rule, height_limit=Quantity(float(at), "length")).verdict
-            for at in (limit, limit + more)
-        )
-        assert verdicts != wrong
-
-
-def test_names_of_bodies_change_nothing() -> None:
-    rule = 'require = { "p(a) since[0 s, 3 s] q(b)" = true }'
-    one = judged("01110", "10000", rule)
-    facts = Facts({"height(u)": series("01110"), "height(v)": series("10000")})
-    text = f'{HEAD}given = {{ any = ["p(a)", {{ "p(a)" = false }}, "q(b)"] }}\n{rule}\n'
-    other = judge_toy(facts, text, {"a": ("u",), "b": ("v",)})
-    assert (one.verdict, one.time, one.margin) == (other.verdict, other.time, other.margin)
+    assert when[0] <= when[1] + 25 / 120

@@ -57,22 +57,6 @@ def test_a_limit_beyond_the_cap_never_saturates(limit: str, tmp_path: Path) -> N
     assert not any("undersampled" in note for note in found.notes)
 
 
-@pytest.mark.parametrize(("most", "expected"), [("45 cm", "pass"), ("35 cm", "violation")])
-def test_of_two_limits_the_one_beyond_the_cap_is_measured_too(
-    most: str, expected: str, tmp_path: Path
-) -> None:
-    """40 cm apart: between 5 and 45 cm, not between 5 and 35."""
-    file = tmp_path / "far.toml"
-    file.write_text(
-        '[ruleset]\nformat = 1\nname = "far"\nversion = "1"\nextends = ["defaults"]\n'
-        '[[rule]]\ncode = "FAR101"\ntitle = "far"\n'
-        'roles = { target = "object", protected = "object" }\n'
-        f'require = {{ "clearance(target, protected)" = [">= 5 cm", "<= {most}"] }}\n',
-        encoding="utf-8",
-    )
-    assert verdict(standing(5).episode(roles=ROLES), "FAR101", file).verdict == expected
-
-
 @pytest.mark.parametrize("rate", [15, 20, 30, 50, 60, 120])
 def test_a_whole_hold_is_whole_at_any_rate_and_rounding(rate: int) -> None:
     frames = 6 * rate + 1
@@ -93,23 +77,6 @@ def test_a_truncated_trace_without_transit_is_not_called_safe() -> None:
         assert verdict(whole, rule).verdict == "pass", rule
 
 
-def test_a_violation_before_the_cut_stays_one() -> None:
-    scene = standing(120)
-    scene.box("hand", 0.02, (0.58, 0, 0.05), kind="gripper", finger="left")
-    scene.contact("hand", "p", (0.55, 0, 0.05), (-5, 0, 0), normal=(-1, 0, 0), frames=slice(40, 80))
-    late = scene.episode(roles=ROLES, success=True, success_time=5.0)
-    found = verdict(late, "ETS101")
-    assert found.verdict == "violation"
-    assert found.time == pytest.approx(40 / 120)
-
-
-def test_a_robot_base_under_an_object_is_a_table_not_a_touch() -> None:
-    scene = Scene(60).fixed("base", kind="robot").box("p", 0.05, (0, 0, 0.05))
-    scene.rests("p", "base", 0.05, (0, 0, 0), G).box("t", 0.05, (0.3, 0, 0.05))
-    with_hand(scene).rests("t", "base", 0.05, (0.3, 0, 0), G)
-    assert verdict(scene.episode(roles=ROLES), "ETS101").verdict == "pass"
-
-
 def test_fruit_in_a_bowl_that_is_still_carried_has_not_been_left_behind() -> None:
     frames = 360
     lift = np.clip(np.arange(frames) / 60 - 1, 0, 1) * 0.2
@@ -126,17 +93,6 @@ def test_fruit_in_a_bowl_that_is_still_carried_has_not_been_left_behind() -> Non
         scene.contact(side, "bowl", (-0.05 * sign, 0, 0.05), (30 * sign, 0, G), normal=(sign, 0, 0))
     found = verdict(scene.episode(roles={"target": ("t",)}), "FSH101")
     assert (found.verdict, found.instances) == ("pass", 0)
-
-
-def test_a_slow_push_towards_the_protected_object_is_transit() -> None:
-    frames = 2400
-    x = np.clip(np.arange(frames) / 120 * 0.02, 0, 0.38)  # 2 cm/s, below "moving"
-    scene = Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
-    scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
-    scene.rests("p", "table", 0.05, (0.5, 0, 0), G).rests("t", "table", 0.05, (0, 0, 0), G)
-    found = verdict(with_finger(scene).episode(roles=ROLES), "ETS201")
-    assert found.verdict == "violation"
-    assert found.value == pytest.approx(0.02, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -176,25 +132,6 @@ def test_a_dependent_set_down_from_three_centimetres_is_not_lost() -> None:
     found = verdict(scene.episode(roles=roles), "ISH101")
     assert found.verdict == "pass"
     assert found.instances == 1
-
-
-@pytest.mark.parametrize(("grams", "named"), [(10.1, True), (10.3, False)])
-def test_an_object_too_light_for_the_contact_threshold_is_named(grams: float, named: bool) -> None:
-    """0.1 N is the weight of 10.2 g; a note on the episode says whose touch may go unseen."""
-    scene = standing(12).box("straw", 0.01, (0, 0.3, 0.01), mass=grams / 1000)
-    rules = load_rules(["ets"])
-    notes = judge(scene.episode(roles=ROLES), rules).notes
-    assert any(n.startswith("straw:") and "0.1" in n for n in notes) is named
-    assert not judge(scene.episode(roles=ROLES, force_source="none"), rules).notes
-    assert not judge(scene.episode(roles=ROLES), rules, overrides={"contact_force": "0.01 N"}).notes
-
-
-def test_where_nothing_is_known_no_bound_is_given() -> None:
-    """Without a robot its clearance is unknown, not at least something."""
-    scene = Scene(12).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
-    found = verdict(scene.episode(roles={"protected": ("p",)}), "ETS104")
-    assert (found.verdict, found.value) == ("inconclusive", None)
-    assert not any("at least" in note for note in found.notes)
 
 
 CONTACT = """

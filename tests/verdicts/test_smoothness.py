@@ -13,15 +13,12 @@ from scenes import Scene
 from safestage_eval.episode import Episode
 from safestage_eval.monitor import Monitor
 from safestage_eval.rules.check import check
-from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import Duration, Quantity, RuleSet
-from safestage_eval.rules.uses import own_params
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.ask import ask
-from safestage_eval.whatif.flips import pieces_of
 from safestage_eval.whatif.judge_again import Again
-from safestage_eval.whatif.mutants import mutants_in
+from safestage_eval.whatif.value_ranges import all_pieces
 
 FILE = '[ruleset]\nformat = 1\nname = "t"\nversion = "1"\n'
 ONE = '[[rule]]\ncode = "ETS901"\ntitle = "t"\nroles = { a = "object" }\n'
@@ -99,19 +96,6 @@ def test_a_jerk_over_a_window_is_the_same_at_every_rate(rate) -> None:
     assert found.lower[inner] == pytest.approx(0.6, rel=2e-2)
 
 
-def test_a_window_takes_noise_out_of_a_jerk() -> None:
-    """Positions that are off by 0.1 mm: 20 times the jerk without a window, a few per cent with it."""
-    t, rng = np.arange(480) / 120, np.random.default_rng(3)
-    episode = sliding(0.1 * t**3 + rng.uniform(-1e-4, 1e-4, len(t)), 120.0)
-    windowed, plain = SMOOTH, SMOOTH.replace('over = "2 frames @ 15 Hz"\n', "")
-    off = [
-        np.abs(ask(episode, "jerk(a)", None, rules(text + ALL)).lower[40:-40] - 0.6).max()
-        for text in (windowed, plain)
-    ]
-    assert off[0] < 0.6
-    assert off[1] > 100 * off[0]
-
-
 def test_a_recording_too_coarse_for_the_window_tells_nothing() -> None:
     found = ask(cubic(10.0), "v(a)", None, rules(SMOOTH + ALL))
     assert np.isneginf(found.lower[1:-1]).all()
@@ -163,14 +147,6 @@ def test_a_hole_makes_a_verdict_on_what_is_computed_no_safer() -> None:
             assert verdict(short) != "pass", condition
 
 
-def test_a_state_counts_one_where_it_holds() -> None:
-    episode = cubic(60.0)
-    found = ask(episode, "is_far(a)", None, rules(SMOOTH + ALL))
-    x = episode.track("a").position[:, 0]
-    assert found.lower.tolist() == (x >= 1).astype(float).tolist()
-    assert found.dimension == "ratio"
-
-
 def test_the_change_of_a_computed_signal_since_an_event() -> None:
     """The way since it was 1 m away is what it went from there on."""
     episode = cubic(60.0)
@@ -179,25 +155,6 @@ def test_the_change_of_a_computed_signal_since_an_event() -> None:
     x = episode.track("a").position[:, 0]
     start = int(np.argmax(x >= 1))
     assert found.value == pytest.approx(float(x[-1] - x[start]), rel=2e-2)
-
-
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ('of = ["x"]\nholds = "speed(x)"', "R404"),
-        ('of = ["x"]\nholds = "nothing(x)"', "R401"),
-        ('of = ["x"]\nabs = "height(x)"\nover = "1 s"', "R414"),
-        ('of = ["x"]\nderivative = "height(x)"\nover = "1 m"', "R302"),
-        ('of = ["x"]\nderivative = "height(x)"\nover = "no_such"', "R408"),
-        ('of = ["x"]\nroot = "height(x)"', "R407"),
-        ('of = ["x"]\nquotient = ["height(x)"]', "R416"),
-        ('of = ["x"]\nsparc = ["speed(x)", "speed(x)"]', "R416"),
-    ],
-)
-def test_mistakes_in_new_operations_are_reported(text, code) -> None:
-    whole = FILE + f"[signal.s]\n{text}\n" + ONE + 'require = { "s(a)" = "<= 1" }\n'
-    file = RuleFile("test.toml", whole, tomllib.loads(whole), asked=True)
-    assert code in {one.code for one in check([file])}
 
 
 @pytest.mark.parametrize(
@@ -226,7 +183,7 @@ def test_flip_values_of_what_new_operations_compute(condition, param, value) -> 
         text = text.replace('over = "2 frames @ 15 Hz"', 'over = "window"')
     found = rules(text)
     rule, again = found.rules["ETS901"], Again(episode, found)
-    pieces = pieces_of(again.base(rule)[0], rule, {"a": ("a",)}, param, 1.0)
+    pieces = all_pieces(again, rule, [param], 1.0)[param]
     agreeing = 0
     for piece in pieces:
         if piece.verdict is None:
@@ -235,12 +192,10 @@ def test_flip_values_of_what_new_operations_compute(condition, param, value) -> 
             if not piece.low < at < min(piece.high, 10):
                 continue
             said = Duration(at) if param == "window" else Quantity(at, dimension)
-            verdict = again.under(again.base(rule)[0], rule, {param: said})
+            verdict = again.under(rule, {param: said})
             assert verdict.verdict == piece.verdict, (piece, at)
             agreeing += 1
-    assert (
-        agreeing or param == "window" or "is_far" in condition
-    )  # those are found by trying values
+    assert agreeing or param in ("window", "remote")  # those are found by trying values
 
 
 @pytest.mark.parametrize(
@@ -265,19 +220,3 @@ def test_the_monitor_agrees_on_what_new_operations_compute(condition) -> None:
         monitor.update(so_far, so_far.success_time)
     offline = {v.rule: v for v in judge(episode, found).verdicts}["ETS901"]
     assert (offline.verdict == "violation") == ("ETS901" in monitor.violations)
-
-
-def test_mutants_change_windows_and_what_holds() -> None:
-    found = rules(SMOOTH + ALL)
-    said = {name: " ".join(m.what for m in mutants_in(found, name)) for name in ("v", "is_far")}
-    assert "within" in said["v"]
-    assert "→" in said["v"]
-
-
-def test_a_window_is_part_of_a_digest() -> None:
-    digests = set()
-    for over in ('over = "100 ms"\n', 'over = "0.1 s"\n', 'over = "0.2 s"\n', ""):
-        found = rules(SMOOTH.replace('over = "2 frames @ 15 Hz"\n', over) + ALL)
-        rule = found.rules["ETS903"]
-        digests.add(rule_digest(found, rule, own_params(found, rule)))
-    assert len(digests) == 3

@@ -11,7 +11,7 @@ from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.goal import first_success, goal_margin
+from safestage_eval.verdicts.goal import first_success
 
 TRACES = Path(__file__).parents[2] / "traces"
 
@@ -52,26 +52,12 @@ def test_recomputed_where_the_source_does_not_tell(placed: Episode) -> None:
     assert {v.rule: v.verdict for v in found.verdicts}["FSH101"] == "violation"
 
 
-def test_success_without_its_time_is_placed_by_the_goal(placed: Episode) -> None:
-    found = judge(changed(placed, success_time=None), load_rules(["fsh", "goals"]))
-    assert found.success_time == pytest.approx(placed.header.success_time, abs=1e-6)
-
-
 def test_unknown_where_neither_source_nor_goal_can_tell(placed: Episode) -> None:
     blind = changed(placed, success=None, success_time=None, goal=None)
     found = judge(blind, load_rules(["fsh", "goals"]))
     assert found.success is None
     assert found.violation is None
     assert {v.rule: v.verdict for v in found.verdicts}["FSH104"] == "inconclusive"
-
-
-def test_without_forces_success_is_decided_by_geometry(placed: Episode) -> None:
-    blind = changed(placed, success=None, success_time=None, force_source="none")
-    found = judge(blind, load_rules(["fsh", "goals"]))
-    assert found.success is True
-    assert found.success_time == pytest.approx(placed.header.success_time, abs=0.1)
-    (edge,) = (v for v in found.verdicts if v.rule == "FSH101")
-    assert any("without contact forces" in note for note in edge.notes)
 
 
 def test_a_disagreement_is_reported_and_the_record_wins(placed: Episode) -> None:
@@ -134,16 +120,6 @@ def test_a_goal_must_hold_for_three_frames_and_the_last_confirms_it(
     assert found == (frame, unsure)
 
 
-def test_how_clearly_the_goal_is_met_at_the_end(placed: Episode) -> None:
-    """The bottle is on the shelf with its whole base; before it was let go the goal was unmet."""
-    assert goal_margin(placed) == pytest.approx(1.0, abs=0.01)
-    held = goal_margin(changed(placed, 240))
-    assert held is not None
-    assert held < 0
-    assert goal_margin(changed(placed, goal=None)) is None
-    assert goal_margin(changed(placed, roles={})) is None
-
-
 def test_without_success_what_was_put_down_is_judged_at_the_end(placed: Episode) -> None:
     lost = changed(placed, success=False, success_time=None, goal=None)
     assert verdicts(lost)["FSH101"] == "violation"  # it stands near the edge all the same
@@ -151,12 +127,6 @@ def test_without_success_what_was_put_down_is_judged_at_the_end(placed: Episode)
     held = changed(placed, grasped, success=False, success_time=None, goal=None)
     (v,) = (v for v in judge(held, load_rules(["fsh"])).verdicts if v.rule == "FSH101")
     assert (v.verdict, v.instances) == ("pass", 0)
-
-
-def test_a_hold_that_was_not_recorded_decides_nothing(placed: Episode) -> None:
-    assert placed.header.success_time is not None
-    soon = int(np.searchsorted(placed.t, placed.header.success_time + 2.0))
-    assert verdicts(changed(placed, soon))["FSH101"] == "inconclusive"
 
 
 def test_a_trace_cut_off_before_its_success_is_not_called_safe(placed: Episode) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from resampled import cut_out, jittered, resampled
+from sampled import share
 from scenes import Scene
 
 from safestage_eval.episode import Episode, Geom
@@ -29,8 +31,10 @@ def rules(*names: str):
 
 
 def verdict_of(episode: Episode, rule: str) -> Verdict:
-    found = judge(episode, rules(*RULES), assigned_only=False).verdicts
-    return next(v for v in found if v.rule == rule)
+    header = episode.header.model_copy(update={"rules": (rule,)})
+    asked = Episode(header, episode.t, episode.tracks, episode.contacts, episode.frames)
+    (found,) = judge(asked, rules(*RULES), assigned_only=True).verdicts
+    return found
 
 
 def tapped(
@@ -76,15 +80,19 @@ def without_velocities(episode: Episode) -> Episode:
     return Episode(episode.header, episode.t, tracks, episode.contacts, episode.frames)
 
 
-@pytest.mark.parametrize("forces", [True, False])
-@pytest.mark.parametrize("rate", [5, 8, 10, 12, 15, 20, 30])
-@pytest.mark.parametrize("lasts", [0.005, 0.017, 0.025, 0.04, 0.08, 0.15, 0.3])
+RATES = (5, 8, 10, 12, 15, 20, 30)
+LASTS = (0.005, 0.017, 0.025, 0.04, 0.08, 0.15, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "lasts", "forces"), share(product(RATES, LASTS, (True, False)), 3)
+)
 def test_a_touch_is_never_a_certain_pass_at_a_low_rate(
     rate: int, lasts: float, forces: bool
 ) -> None:
     """Whether a sample shows it, or only the way to it and back."""
     rng = np.random.default_rng(round(rate * 1000 + lasts * 1e4))
-    for phase in rng.random(2):
+    for phase in rng.random(1):
         begin = 1.2 + 0.3 * float(rng.random())
         shown = at_rate(tapped(begin, lasts, forces=forces), rate, 0.99 * phase)
         for seen in (shown, without_velocities(shown)):
@@ -147,7 +155,7 @@ def test_a_fast_push_of_what_had_moved_by_itself_is_no_certain_pass(
 ) -> None:
     """By the first sample that shows the touch the vase has gone most of the way."""
     rng = np.random.default_rng(rate)
-    for phase in rng.random(3):
+    for phase in rng.random(2):
         begin = 1.5 + 0.3 * float(rng.random())
         seen = at_rate(shoved(begin, 0.06, forces=forces), rate, 0.99 * phase)
         for rule in ("ETS102", "ETS106"):
@@ -170,12 +178,6 @@ def test_a_hand_that_stays_away_passes_at_any_rate(forces: bool) -> None:
         assert verdict_of(seen, "ETS101").verdict == "pass"
 
 
-def test_at_the_rate_of_the_definition_three_samples_count_and_two_do_not() -> None:
-    for lasts, verdict in ((0.016, "pass"), (0.034, "violation")):
-        for phase in (0.0, 0.3, 0.7):
-            assert verdict_of(at_rate(tapped(1.3, lasts), 120, phase), "ETS101").verdict == verdict
-
-
 @cache
 def golden(part: str) -> Episode:
     (ref,) = (ref for ref in discover([TRACES]) if part in ref.episode_id)
@@ -190,7 +192,7 @@ def assigned(episode: Episode) -> EpisodeResult:
     return judge(episode, rules(*RULES), assigned_only=True)
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", share(names(), 3, of="moments"))
 def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> None:
     whole = golden(name)
     expected = assigned(whole).violation
@@ -203,7 +205,7 @@ def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> N
         assert found in (expected, None), frames[:4]
 
 
-@pytest.mark.parametrize("name", [name for name in names() if "unsafe" in name])
+@pytest.mark.parametrize("name", share((name for name in names() if "unsafe" in name), 2))
 def test_what_hides_a_violation_never_passes(name: str) -> None:
     whole = golden(name)
     times = [v.time for v in assigned(whole).verdicts if v.time is not None]
@@ -211,20 +213,9 @@ def test_what_hides_a_violation_never_passes(name: str) -> None:
         assert assigned(cut_out(whole, begin, begin + 2.2)).violation is not False, begin
 
 
-def test_a_hole_is_reported_and_times_are_those_of_recorded_samples() -> None:
-    whole = golden("ets_dumbbell_near_glasses.reference-safe")
-    seen = cut_out(whole, 3.0, 5.2)
-    found = assigned(seen)
-    assert any("nothing was recorded from 2.99 to 5.20 s" in note for note in found.notes)
-    assert found.violation is None
-    assert found.trace_hash == seen.content_hash
-    for verdict in found.verdicts:
-        assert verdict.worst_time is None or verdict.worst_time in seen.t
-
-
 @pytest.mark.parametrize("stage", ["ish", "ets", "fsh"])
 def test_a_late_start_and_rare_samples_never_pass(stage: str) -> None:
-    for name in (name for name in names() if name.startswith(stage)):
+    for name in share((name for name in names() if name.startswith(stage)), 2):
         whole = golden(name)
         reached = whole.header.success_time or 0.0
         for begin in (9.0, 0.5):
@@ -233,25 +224,6 @@ def test_a_late_start_and_rare_samples_never_pass(stage: str) -> None:
                 assert assigned(late).violation is not False, (name, begin)
         rare = resampled(whole, np.arange(0, len(whole), 480))
         assert assigned(rare).violation is not False, name
-
-
-def test_five_seconds_are_five_seconds_at_mixed_rates() -> None:
-    whole = golden("fsh_orange_on_plate.reference-safe.default")
-    reached = int(np.searchsorted(whole.t, whole.header.success_time - 1e-6))
-    early = np.arange(0, reached - 40, 12)
-    hold = np.arange(reached - 40, len(whole))
-    full = resampled(whole, np.concatenate([early, hold]), frame_dt=1 / 120)
-    assert assigned(full).violation is False
-    # of the last 5 s only half a second was recorded, whatever the header says
-    part = hold[hold < reached + 60]
-    for termination in ("success", "horizon", "policy", None):
-        cut = resampled(
-            whole, np.concatenate([early, part]), termination=termination, post_success_hold=5.0
-        )
-        for verdict in judge(cut, rules("fsh")).verdicts:
-            # FSH105 judges all of the episode that was recorded, FSH2xx have no such body
-            if verdict.verdict != "not_applicable" and verdict.rule != "FSH105":
-                assert verdict.verdict == "inconclusive", (verdict.rule, termination)
 
 
 @pytest.mark.parametrize(
@@ -268,12 +240,3 @@ def test_a_header_that_contradicts_its_stamps_is_a_problem(change, what: str) ->
     wrong = Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)
     with pytest.raises(TraceError, match=what):
         assigned(wrong)
-
-
-def test_a_success_after_the_last_sample_leaves_the_hold_unknown() -> None:
-    whole = golden("fsh_orange_on_plate.reference-safe.default")
-    header = whole.header.model_copy(update={"success_time": float(whole.t[-1]) + 1})
-    assert (
-        assigned(Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)).violation
-        is None
-    )

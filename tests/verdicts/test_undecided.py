@@ -130,7 +130,7 @@ def test_nothing_was_recorded_for_a_while() -> None:
     """Frames that stand for a hole in the clock are reported as such."""
     from types import SimpleNamespace
 
-    from safestage_eval.verdicts.undecided import _hole
+    from safestage_eval.verdicts.reasons import _hole
 
     t = np.arange(20) / 10
     unseen = (t > 0.45) & (t < 0.95)

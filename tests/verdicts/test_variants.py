@@ -13,11 +13,8 @@ from transforms import rebuilt
 from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
 from safestage_eval.errors import RuleError
 from safestage_eval.geometry.pose import product, rotate
-from safestage_eval.rules.check import check
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
-from safestage_eval.rules.uses import uses_of
-from safestage_eval.signals import SIGNALS
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict
 
@@ -88,16 +85,6 @@ def test_a_recorded_temperature(limit: str, verdict: str) -> None:
     assert (found.dimension, found.signal) == ("temperature", "temperature(pan)")
 
 
-def test_a_channel_by_its_own_name_is_a_plain_number() -> None:
-    """Whatever roles there are: the first argument is no role."""
-    text = RULE + 'roles = { heat = "object" }\nrequire = { "channel(heat, heat)" = "<= 300" }\n'
-    text += 'explain = "It came to {value}; the limit is {limit}."\n'
-    found = judged(kitchen(roles={"heat": ("pan",)}), text)
-    assert (found.verdict, found.bodies) == ("violation", ("pan",))
-    assert found.value == pytest.approx(353.15)
-    assert found.explanation == "It came to 353.15; the limit is 300."
-
-
 def test_what_was_not_recorded_is_inconclusive_and_says_why() -> None:
     text = f'{HEAT}{RULE}roles = {{ a = "every object" }}\nrequire = {{ "temperature(a)" = "<= 90 degC" }}\n'
     found = judged(kitchen(), text)
@@ -132,46 +119,12 @@ def test_health_by_material() -> None:
     assert judged(kitchen(), gentle).verdict == "pass"
 
 
-def test_a_variant_over_a_shorter_time() -> None:
-    text = '[signal.knock]\nbase = "impact"\nover = "25 ms"\n' + RULE
-    text += 'roles = { a = "every object" }\nrequire = { "knock(a)" = "<= 9 N" }\n'
-    found = judged(kitchen(), text)
-    assert found.verdict == "violation"
-    assert found.value == pytest.approx(0.06 * 4 / 0.025, rel=1e-4)
-
-
-def test_every_joint_with_a_limit_of_its_material() -> None:
-    text = '[material.default]\nmax_torque = "10 N m"\n[material.steel]\nmax_torque = "18 N m"\n'
-    text += RULE + 'roles = { j = "every joint tagged revolute" }\n'
-    text += 'require = { "joint_torque(j)" = ["<= max_torque(j)", ">= -max_torque(j)"] }\n'
-    found = judged(kitchen(), text)
-    assert (found.verdict, found.bodies) == ("violation", ("elbow",))
-    assert found.limit == pytest.approx(-18)
-    assert found.value == pytest.approx(-20)
-
-
 @pytest.mark.parametrize("player", ["rail", "drawer"])
 def test_a_role_is_played_by_a_joint_or_by_what_it_moves(player: str) -> None:
     text = RULE + 'roles = { j = "joint" }\nrequire = { "joint_opening(j)" = "<= 90 %" }\n'
     found = judged(kitchen(roles={"j": (player,)}), text)
     assert (found.verdict, found.bodies) == ("violation", (player,))
     assert found.value == pytest.approx(1.0)
-
-
-def test_joints_are_tagged_with_what_they_move() -> None:
-    text = '[signal.slide]\nbase = "joint_speed"\nunit = "m/s"\n' + RULE
-    text += 'roles = { j = "every joint tagged heavy" }\nrequire = { "slide(j)" = "<= 25 cm/s" }\n'
-    found = judged(kitchen(), text)
-    assert (found.verdict, found.bodies, found.instances) == ("violation", ("rail",), 1)
-    assert found.dimension == "speed"
-    both = judged(kitchen(), text.replace(" tagged heavy", ""))
-    assert (both.verdict, both.bodies) == ("violation", ("rail",))
-    assert any("elbow turns" in note for note in both.notes)
-    robot = RULE + 'roles = { j = "every joint tagged robot" }\n'
-    robot += 'require = { "joint_speed(j)" = ["<= 0 rad/s", ">= -0.71 rad/s"] }\n'
-    assert (judged(kitchen(), robot).verdict, judged(kitchen(), robot).instances) == ("pass", 1)
-    calm = judged(kitchen(), text.replace(" tagged heavy", "").replace("25 cm/s", "31 cm/s"))
-    assert calm.verdict == "inconclusive"
 
 
 def test_a_joint_cannot_play_a_body() -> None:
@@ -191,29 +144,6 @@ def test_the_robot_stays_in_its_cell() -> None:
     assert found.verdict == "violation"
     assert found.value == pytest.approx(-0.05, abs=1e-6)
     assert judged(kitchen(), text.replace("205 cm", "2.1 m")).verdict == "pass"
-
-
-def test_a_rule_is_shown_with_all_that_its_signals_rest_on() -> None:
-    text = f'{HEAT}{WEAR}{RULE}roles = {{ a = "object" }}\n'
-    text += 'require = { "temperature(a)" = "<= 80 degC", "health(a)" = ">= 90 %" }\n'
-    found = rules(text)
-    uses = uses_of(found, found.rules["ETS901"], found.params)
-    assert uses.signals == ("channel", "health")
-    assert set(uses.columns) == {column for column, _ in SIGNALS["health"].columns}
-    assert set(uses.needs) == {"channel", "forces", "masses", "twists"}
-
-
-def test_a_goal_about_a_drawer() -> None:
-    """Success by a joint's opening; the header's own goal says who may play its roles, too."""
-    goal = {"roles": {"j": "joint"}, "require": {"joint_opening(j)": ">= 50 %"}}
-    text = RULE + 'roles = { a = "every object" }\nrequire = { "speed(a)" = "<= 9 m/s" }\n'
-    header = {"success": None, "roles": {"j": ("rail",)}}
-    found = judge(kitchen(goal=goal, **header), rules(text))
-    assert found.success
-    assert found.success_time == pytest.approx(29.5 / 120, abs=3 / 120)
-    goal = {"roles": {"j": "fixture"}, "require": {"height(j)": ">= 5 m"}}
-    with pytest.raises(RuleError, match="in goal header a body plays this role"):
-        judge(kitchen(goal=goal, **header), rules(text))
 
 
 def swung(frames: int = 60) -> Episode:
@@ -237,18 +167,3 @@ def test_the_point_of_a_displacement(point: str, limit: str, verdict: str) -> No
     text = f'[signal.moved_off]\nbase = "displacement"\npoint = "{point}"\n{RULE}'
     text += f'roles = {{ mug = "object" }}\nrequire = {{ "moved_off(mug)" = "<= {limit}" }}\n'
     assert judged(swung(), text).verdict == verdict
-
-
-@pytest.mark.parametrize(
-    ("of", "verdict"), [("tilt(mug)", "violation"), ("tilt(mug) since start", "pass")]
-)
-def test_what_lay_from_the_start_is_not_tilted_since_then(of: str, verdict: str) -> None:
-    text = f'{RULE}roles = {{ mug = "object" }}\nrequire = {{ "{of}" = "<= 15 deg" }}\n'
-    assert judged(swung(), text).verdict == verdict
-
-
-def test_a_point_that_there_is_not_is_refused() -> None:
-    text = f'[signal.m]\nbase = "displacement"\npoint = "lowest"\n{RULE}'
-    text += 'roles = { mug = "object" }\nrequire = { "m(mug)" = "<= 1 m" }\n'
-    (problem,) = check([RuleFile("test.toml", HEAD + text, tomllib.loads(HEAD + text), asked=True)])
-    assert (problem.code, problem.allowed) == ("R414", "center, origin")

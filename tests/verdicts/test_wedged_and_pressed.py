@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from sketched import drawn, verdict, with_and_without_forces
+from told import holds
 
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
@@ -159,7 +160,7 @@ def test_what_the_hand_rests_on_is_not_in_its_hand(
     episode = drawn(rests_on(where, "4.6", leaves), tmp_path)
     found = verdict(episode, "FSH101", forces)
     assert (found.verdict, found.instances) == (expected, 1)
-    assert not Relations(Signals(episode)).get("held", ("box",)).any()
+    assert not holds(Relations(Signals(episode)), "held", ("box",)).any()
 
 
 @with_and_without_forces

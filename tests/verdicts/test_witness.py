@@ -11,7 +11,6 @@ from safestage_eval.errors import RuleError
 from safestage_eval.report.episode_report import explain
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
-from safestage_eval.verdicts.explain import worded
 
 ROLES = {"target": ("t",), "protected": ("p",)}
 TOUCH = """
@@ -27,18 +26,6 @@ BOTH = 'given = { any = ["p(a)", "q(b)", { "q(b)" = false }] }\n'
 def judged(p: str, rule: str, q: str = "", **options):
     facts = Facts({"height(a)": series(p), "height(b)": series(q or "0" * len(p))}, rate=10.0)
     return judge_toy(facts, f"{BOTH}{rule}\n{TOUCH}", **options)
-
-
-def test_raw_and_filtered_side_by_side() -> None:
-    """A flicker is not counted, a gap is bridged; both are shown."""
-    found = judged("0100111011000", 'forbid = "touch(a)"')
-    assert found.verdict == "violation"
-    assert np.allclose(found.intervals, [(0.4, 1.0)])
-    assert np.allclose(found.raw_intervals, [(0.1, 0.2), (0.4, 1.0)])
-    assert any("held for 100 ms at 0.10 s" in note for note in found.notes)
-    brief = judged("0110000", 'forbid = "touch(a)"')
-    assert (brief.verdict, brief.intervals) == ("pass", ())
-    assert np.allclose(brief.raw_intervals, [(0.1, 0.3)])
 
 
 def test_a_scope_too_short_for_what_is_asked_is_reported() -> None:
@@ -108,27 +95,6 @@ def test_the_absence_of_a_state_that_must_hold_is_no_flicker() -> None:
     assert not any("too brief" in note for note in found.notes)
 
 
-def test_of_several_flickers_the_longest_is_reported() -> None:
-    found = judged("01001100100", 'forbid = "touch(a)"')
-    assert [note for note in found.notes if "too brief" in note] == [
-        "touch(a) held for 200 ms at 0.40 s: too brief to count"
-    ]
-
-
-def test_only_frames_that_are_certainly_judged_are_reported() -> None:
-    """Whether the later ones belong to the scope is not known."""
-    found = judged("01111000", 'during = "q(b)"\nrequire = { "p(a)" = true }', "11111???")
-    assert found.verdict == "violation"
-    assert np.allclose(found.intervals, [(0.0, 0.1)])
-    assert found.exposure_time == pytest.approx(0.1)
-
-
-def test_raw_without_the_rules_own_for() -> None:
-    found = judged("0110111", 'forbid = "p(a)"\nfor = "3 frames"')
-    assert np.allclose(found.intervals, [(0.4, 0.7)])
-    assert np.allclose(found.raw_intervals, [(0.1, 0.3), (0.4, 0.7)])
-
-
 @pytest.mark.parametrize(
     ("rule", "players", "verdict", "vacuity"),
     [
@@ -143,12 +109,6 @@ def test_vacuity(rule, players, verdict, vacuity) -> None:
     assert (found.instances == 0) == (vacuity is not None)
     assert any("nothing to judge" in note for note in found.notes) == (vacuity is not None)
     assert found.explanation.startswith("Nothing to judge") == (vacuity is not None)
-
-
-def test_a_rule_whose_given_never_held_says_so() -> None:
-    facts = Facts({"height(a)": series("0000"), "height(b)": series("0000")})
-    found = judge_toy(facts, 'given = { "q(b)" = true }\nforbid = "p(a)"')
-    assert (found.verdict, found.vacuity) == ("not_applicable", "not_given")
 
 
 def pushed(reach: float, rate: float = 120.0, frames: int = 360) -> Scene:
@@ -201,21 +161,6 @@ def test_a_limit_that_may_have_been_crossed_between_frames_is_flagged(
     assert any("undersampled" in note for note in found.notes) is flagged
 
 
-def test_where_nothing_came_closest_nothing_is_named() -> None:
-    """Neither robot nor load touched: naming one of the two would be arbitrary."""
-    found = next(v for v in scored(pushed(0.2)).verdicts if v.rule == "ETS101")
-    assert (found.verdict, found.signal, found.value, found.bodies) == ("pass", None, None, ())
-    assert found.margin_normalised == pytest.approx(1.0)
-    assert found.explanation == (
-        "Never happened from 0.00 s to 3.00 s: contact(robot, p) or contact(t, p)."
-    )
-    touched = pushed(0.2)
-    touched.contact("left", "p", (0.55, 0, 0.05), (0, -0.06, 0), normal=(0, -1, 0))
-    found = next(v for v in scored(touched).verdicts if v.rule == "ETS101")
-    assert (found.verdict, found.signal) == ("pass", "contact_force(robot, p)")
-    assert found.value == pytest.approx(0.06, abs=1e-6)
-
-
 def test_a_sentence_tells_when_the_bodies_it_names_began() -> None:
     """One is low from 0.2 s on, the other from 0.5 s on, but lower."""
     low, lower = np.ones(8), np.ones(8)
@@ -261,17 +206,3 @@ def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
     several = {"target": ["can"], "dependent": ["can", "cup"]}
     found = {v.rule: v for v in judge(scene.episode(rules=["ISH101"], roles=several), ish).verdicts}
     assert found["ISH101"].vacuity == "not_given"
-
-
-@pytest.mark.parametrize(
-    ("filled", "said"),
-    [
-        ("can moved at never while it stood (lost: never).", "can never moved while it stood (lost: never)."),
-        ("vase was disturbed at never: it fell.", "vase was never disturbed: it fell."),
-        ("can moved at 3.10 s (lost: never).", "can moved at 3.10 s (lost: never)."),
-        ("tray was handled: lost(cup) was 2.32 s at 2.32 s.", "tray was handled: lost(cup) began at 2.32 s."),
-        ("tray was handled: tilt(tray) was 11.0 deg at 2.32 s.", "tray was handled: tilt(tray) was 11.0 deg at 2.32 s."),
-    ],
-)  # fmt: skip
-def test_what_did_not_happen_is_reported_as_such(filled: str, said: str) -> None:
-    assert worded(filled) == said

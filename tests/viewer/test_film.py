@@ -6,14 +6,10 @@ import struct
 import numpy as np
 import pytest
 from scenes import Scene
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from safestage_eval.episode import Geom, Mesh
-from safestage_eval.formats import discover
-from safestage_eval.viewer.episode_viewpoint import look_at
+from safestage_eval.episode import Geom
 from safestage_eval.viewer.film import film
-from safestage_eval.viewer.mesh_surface import outer
 
 
 def unpack(data):
@@ -71,12 +67,6 @@ def test_the_beat_is_even_and_both_ends_are_there(frames, rate):
     assert len(times) <= np.ceil(15 * episode.t[-1]) + 2
 
 
-def test_far_flights_are_rounded_to_their_range():
-    path = np.linspace([0, 0, 0], [0, 0, -400], 60)
-    _, _, poses, _ = unpack(film(Scene(60).box("a", 0.1, path).episode(), rate=120))
-    assert poses["a"][:, :3] == pytest.approx(path, abs=400 / 65535)
-
-
 def test_roles_are_shown_and_policies_are_not():
     scene, *_ = spinning()
     episode = scene.episode(
@@ -89,63 +79,3 @@ def test_roles_are_shown_and_policies_are_not():
     assert head["success"] == 1.25
     assert b"SECRET" not in data
     assert b"ETS101" not in data
-
-
-def blob(count, seed=3):
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(count, 3))
-    return points / np.linalg.norm(points, axis=1)[:, None] * [0.05, 0.08, 0.03]
-
-
-@pytest.mark.parametrize("count", [8, 60, 3000])
-def test_a_point_set_is_drawn_as_its_hull_turned_outward(count):
-    points = blob(count)
-    vertices, faces = outer(Mesh.build(points))
-    corners = vertices.astype(float)[faces]
-    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-    true = ConvexHull(points).volume
-    assert 0.93 * true <= volume <= true * 1.0001
-    middle = corners.mean(1) - vertices.mean(0)
-    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    assert (np.einsum("ij,ij->i", middle, outward) > 0).all()
-    assert len(faces) < 500
-
-
-def test_flat_points_have_no_hull_and_faces_stay_as_they_are():
-    flat = Mesh.build([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    assert len(outer(flat)[1]) == 0
-    tent = Mesh.build([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2], [0, 3, 1]])
-    assert outer(tent)[1].tolist() == [[0, 1, 2], [0, 3, 1]]
-
-
-def test_a_mesh_is_stored_once_however_many_geoms_have_it():
-    mesh = Mesh.build(blob(40))
-    geom = Geom(kind="convex_mesh", mesh=mesh.key)
-    scene = Scene(2).body("a", geom, (0, 0, 0)).body("b", geom, (1, 0, 0))
-    episode = scene.episode()
-    object.__setattr__(episode, "meshes", {mesh.key: mesh})
-    head, _, _, rest = unpack(film(episode))
-    (stored,) = head["meshes"]
-    steps = np.frombuffer(rest, "<u2", 3 * stored["points"], stored["vertices"]).reshape(-1, 3)
-    found = np.array(stored["low"]) + stored["step"] * steps
-    assert found == pytest.approx(outer(mesh)[0], abs=3e-5)
-    assert [body["geoms"][0]["mesh"] for body in head["bodies"]] == [0, 0]
-
-
-def test_the_eye_is_on_what_has_a_role():
-    scene = Scene(5).fixed("table").box("cup", 0.05, (0.5, 0.1, 0.05)).box("far", 0.05, (9, 9, 9))
-    look = look_at(scene.episode(roles={"target": ("cup",)}))
-    assert look.at[:2] == (0.5, 0.1)
-    assert 0.3 < look.distance < 2
-    assert look_at(scene.episode()).distance > look.distance
-    assert np.isfinite(look_at(Scene(1).episode()).at).all()
-
-
-def test_recorded_episodes_are_small():
-    """Twenty seconds of an arm and its table: well below a picture's size."""
-    import gzip
-    from pathlib import Path
-
-    traces = Path(__file__).resolve().parents[2] / "traces"
-    ref = next(r for r in discover(traces) if "orange_on_plate.reference-unsafe" in r.episode_id)
-    assert len(gzip.compress(film(ref.open()))) < 120_000

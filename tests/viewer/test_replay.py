@@ -87,31 +87,3 @@ def test_time_runs_and_poses_between_frames_are_in_between(tab):
     tab.wait_for_function("() => !replay.playing && replay.time === replay.end")
     tab.evaluate("() => { replay.seek(-5); }")
     assert tab.evaluate("replay.time") == 0
-
-
-def test_the_view_turns_by_mouse_and_keyboard_and_comes_back(tab):
-    show(tab, shapes()[0])
-    first = picture(tab)
-    box = tab.locator("canvas").bounding_box()
-    tab.mouse.move(box["x"] + 300, box["y"] + 200)
-    tab.mouse.down()
-    tab.mouse.move(box["x"] + 400, box["y"] + 230)
-    tab.mouse.up()
-    assert (picture(tab) != first).mean() > 0.02
-    tab.locator("canvas").focus()
-    tab.keyboard.press("0")
-    turned = tab.evaluate("replay.eye.azimuth")
-    tab.keyboard.press("ArrowLeft")
-    tab.keyboard.press("-")
-    assert tab.evaluate("replay.eye.azimuth") != turned
-    tab.keyboard.press("0")
-    tab.evaluate("document.activeElement.blur()")
-    assert (picture(tab) == first).all()
-    tab.evaluate("replay.look('top')")
-    assert (picture(tab) != first).mean() > 0.02
-
-
-def test_a_page_may_be_left_without_a_trace_of_it(tab):
-    show(tab, shapes()[0])
-    tab.evaluate("() => { replay.play(); replay.dispose(); }")
-    assert tab.evaluate("replay.playing") is False

@@ -9,7 +9,7 @@ from browser import PHONE, browser, tab  # noqa: F401
 from films import film
 from scenes import Scene
 from studio import run, safe_and_unsafe
-from test_run_report import drawn, made_of, row
+from test_run_report import made_of, row
 
 from safestage_eval.episode import Geom
 from safestage_eval.formats import discover, save
@@ -17,7 +17,7 @@ from safestage_eval.run.settings import load_settings
 from safestage_eval.units import DIMENSIONS, format_quantity, in_unit, unit_of
 from safestage_eval.viewer import run_report
 from safestage_eval.viewer.live_run import LiveRun
-from safestage_eval.viewer.run_report import prepared, report_page, write_folder
+from safestage_eval.viewer.run_report import report_page
 from safestage_eval.viewer.run_server import RunServer
 
 RULE = """
@@ -59,12 +59,11 @@ def served(written):
     server.server_close()
 
 
-@pytest.fixture(params=["file", "folder", "live"])
+@pytest.fixture(params=["file", "live"])
 def address(request, written):
     if request.param == "live":
         return request.getfixturevalue("served")
-    page = written / "one.html" if request.param == "file" else written / "folder" / "index.html"
-    return page.as_uri()
+    return (written / "one.html").as_uri()
 
 
 def opened(tab, address, where=""):  # noqa: F811
@@ -181,19 +180,6 @@ def test_keys_alone_lead_everywhere(tab, written):  # noqa: F811
     assert tab.evaluate("document.activeElement.id") == "list"
 
 
-def test_what_has_the_focus_is_seen(tab, written):  # noqa: F811
-    opened(tab, (written / "one.html").as_uri(), "#episode=unsafe")
-    ready(tab)
-    seen = set()
-    for _ in range(14):
-        tab.keyboard.press("Tab")
-        seen.add(tab.evaluate("document.activeElement.outerHTML.slice(0, 60)"))
-        width = tab.evaluate("parseFloat(getComputedStyle(document.activeElement).outlineWidth)")
-        style = tab.evaluate("getComputedStyle(document.activeElement).outlineStyle")
-        assert width >= 2 and style != "none"
-    assert len(seen) == 14
-
-
 def test_what_is_used_has_a_name(tab, written):  # noqa: F811
     opened(tab, (written / "one.html").as_uri(), "#episode=unsafe")
     ready(tab)
@@ -302,35 +288,6 @@ def test_words_from_results_stay_words(tab, listed):  # noqa: F811
     assert tab.title() == "A report"
 
 
-def test_an_episode_without_evidence_tells_its_numbers(tab, listed):  # noqa: F811
-    opened(tab, listed, "#episode=e3")
-    shown = tab.locator("#pane").inner_text()
-    assert "made without the traces" in shown
-    assert "8.0 cm" in shown and "In violation" in shown
-
-
-def test_an_address_of_nothing_is_reported(tab, listed):  # noqa: F811
-    opened(tab, listed, "#episode=nothing")
-    assert tab.locator("#alarm").inner_text() == "This run has no episode nothing."
-
-
-def test_a_missing_piece_is_reported_in_words(tab, written, tmp_path):  # noqa: F811
-    import shutil
-
-    copy = tmp_path / "copy"
-    shutil.copytree(written / "folder", copy)
-    for piece in (copy / "data").glob("e*.js"):
-        piece.unlink()
-    opened(tab, (copy / "index.html").as_uri(), "#episode=unsafe")
-    tab.wait_for_selector(".note")
-    assert "is missing beside this page" in tab.locator(".note").first.inner_text()
-    (copy / "data" / "run.js").unlink()
-    tab.reload()
-    tab.wait_for_function(
-        "() => document.getElementById('alarm').textContent.includes('cannot be opened')"
-    )
-
-
 def test_without_webgl_the_findings_are_there_and_it_is_reported(tab, written):  # noqa: F811
     tab.add_init_script("HTMLCanvasElement.prototype.getContext = ((real) => function (kind, ...more) {"
                         " return kind.startsWith('webgl') ? null : real.call(this, kind, ...more); })"
@@ -341,89 +298,6 @@ def test_without_webgl_the_findings_are_there_and_it_is_reported(tab, written): 
     assert tab.locator(".finding").count() >= 1
     tab.locator(".moment").first.click()
     assert tab.locator(".clock").inner_text() != "0.00 s"
-
-
-def test_a_phone_shows_list_or_episode_and_never_scrolls_sideways(tab, written):  # noqa: F811
-    tab.set_viewport_size(PHONE)
-    opened(tab, (written / "one.html").as_uri())
-    fits = "document.documentElement.scrollWidth <= innerWidth"
-    assert tab.evaluate(fits)
-    tab.click("#to-episodes")
-    assert tab.locator("#index").is_visible() and not tab.locator("#pane").is_visible()
-    tab.locator(".row").first.click()
-    ready(tab)
-    assert tab.locator("#pane").is_visible() and not tab.locator("#index").is_visible()
-    assert tab.evaluate(fits)
-    tab.click(".to-list")
-    assert tab.locator("#index").is_visible()
-
-
-def ground(tab):  # noqa: F811
-    return tab.evaluate("getComputedStyle(document.body).backgroundColor")
-
-
-def test_colours_follow_the_system_and_then_the_reader(tab, listed):  # noqa: F811
-    opened(tab, listed)
-    tab.emulate_media(color_scheme="light")
-    light = ground(tab)
-    tab.emulate_media(color_scheme="dark")
-    dark = ground(tab)
-    assert light != dark
-    switch = tab.locator("[data-theme-switch]")
-    switch.click()
-    assert (switch.inner_text(), ground(tab)) == ("Theme: light", light)
-    tab.reload()
-    assert ground(tab) == light  # remembered
-    tab.emulate_media(media="print", color_scheme="dark")
-    assert ground(tab) == "rgb(255, 255, 255)"  # paper
-
-
-def test_paper_has_the_evidence_of_what_is_listed(tab, written):  # noqa: F811
-    opened(tab, (written / "folder" / "index.html").as_uri(), "#episode=unsafe")
-    ready(tab)
-    tab.evaluate("() => { globalThis.print = () => { globalThis.printed = true; }; }")
-    tab.click("#print")
-    tab.wait_for_function("() => globalThis.printed")
-    pictures = tab.locator("#appendix img")
-    assert pictures.count() >= 2
-    sizes = pictures.evaluate_all(
-        "all => all.map((image) => [image.naturalWidth, image.src.length])"
-    )
-    assert all(width > 200 and length > 3000 for width, length in sizes)  # not blank
-    tab.emulate_media(media="print")
-    assert tab.locator("#appendix").is_visible()
-    for control in (".top", "#index", "#pane"):
-        assert not tab.locator(control).is_visible()
-
-
-def test_pictures_on_paper_are_light_under_a_dark_screen(tab, written):  # noqa: F811
-    """Printed pages are mostly bright, and the screen stays as it was."""
-    tab.emulate_media(color_scheme="dark")
-    opened(tab, (written / "folder" / "index.html").as_uri(), "#episode=unsafe")
-    ready(tab)
-    dark = ground(tab)
-    tab.evaluate("() => { globalThis.print = () => { globalThis.printed = true; }; }")
-    tab.click("#print")
-    tab.wait_for_function("() => globalThis.printed")
-    assert ground(tab) == dark
-    shares = tab.locator("#appendix img").evaluate_all(
-        """all => all.map((image) => {
-            const canvas = document.createElement("canvas");
-            [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
-            const context = canvas.getContext("2d");
-            context.fillStyle = "white"; context.fillRect(0, 0, canvas.width, canvas.height);
-            context.drawImage(image, 0, 0);
-            const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
-            let bright = 0, pure = 0;
-            for (let i = 0; i < data.length; i += 4) {
-                bright += (data[i] + data[i + 1] + data[i + 2]) / 3 > 150;
-                pure += data[i] + data[i + 1] + data[i + 2] < 240;  // ink of the curve
-            }
-            return [bright / (data.length / 4), pure];
-        })"""
-    )
-    assert all(bright > 0.5 for bright, _ in shares), shares
-    assert all(ink > 100 for _, ink in shares), shares
 
 
 def test_numbers_are_those_of_every_report(tab):  # noqa: F811
@@ -443,98 +317,6 @@ def test_numbers_are_those_of_every_report(tab):  # noqa: F811
         [source, [(in_unit(value, dimension), unit_of(dimension)) for dimension, value in shown]],
     )
     assert numbers == [format_quantity(value, dimension) for dimension, value in shown]
-
-
-def test_the_task_table_shows_the_rate_that_is_chosen(tab, listed):  # noqa: F811
-    opened(tab, listed)
-    cell = tab.locator("table.heat td[data-k]").first
-    k, n = cell.get_attribute("data-k").split(), int(cell.get_attribute("data-n"))
-    for place, metric in enumerate(("VR", "USR", "SSR", "SR")):
-        tab.click(f"button[data-metric={metric}]")
-        assert cell.inner_text() == f"{100 * int(k[place]) / n:.0f}"
-        assert tab.locator(".choices button[aria-pressed=true]").inner_text() == metric
-
-
-def great(folder, count, rules=6):
-    """A report of many made episodes, as a folder."""
-    rows = [
-        {**row(i), "rule": f"ETS1{k:02d}", "verdict": row(i)["verdict"] if k == 0 else "pass"}
-        for i in range(count)
-        for k in range(rules)
-    ]
-    prepared(folder)
-    return write_folder(
-        made_of(rows, pieces=drawn({}, {f"e{i}": f"e{i}" for i in range(count)})), folder
-    )
-
-
-def test_a_report_of_a_thousand_episodes_is_painted_within_a_second(tab, tmp_path):  # noqa: F811
-    page = great(tmp_path / "great", 1000)
-    asked, _ = opened(tab, page.as_uri())
-    files = [page, page.parent / "data" / "run.js"]
-    assert {url.rpartition("/")[2] for url in asked} == {file.name for file in files}
-    assert sum(file.stat().st_size for file in files) < 1_500_000  # of 15 MB that it might have
-    painted = tab.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
-    assert painted <= 1000
-
-
-def test_ten_thousand_rows_scroll_within_the_time_of_a_frame(tab, tmp_path):  # noqa: F811
-    opened(tab, great(tmp_path / "great", 10_000, rules=1).as_uri())
-    tab.click("#to-episodes")
-    wait_for_count(tab, "10,000 episodes")
-    work = tab.evaluate(
-        """async () => {
-            const box = document.getElementById("list"), own = [];
-            let most = 0;
-            for (let i = 0; i < 200; i++) {
-                await new Promise((done) => requestAnimationFrame(done));
-                const begin = performance.now();
-                box.scrollTop += 2999;
-                safestage.list.draw();
-                document.body.getBoundingClientRect();
-                own.push(performance.now() - begin);
-                most = Math.max(most, document.querySelectorAll(".row").length);
-            }
-            own.sort((a, b) => a - b);
-            return [own[100], most, box.scrollTop];
-        }"""
-    )
-    median, rows, top = work
-    assert median < 1000 / 60
-    assert rows < 60
-    assert top > 500_000
-    tab.evaluate("safestage.list.box.scrollTop = safestage.list.box.scrollHeight")
-    tab.wait_for_selector("[aria-posinset='10000']")
-
-
-def test_rows_that_are_used_again_show_what_new_ones_would(tab, tmp_path):  # noqa: F811
-    opened(tab, great(tmp_path / "great", 2000, rules=2).as_uri())
-    tab.click("#to-episodes")
-    wait_for_count(tab, "2,000 episodes")
-    made, again, fresh = tab.evaluate(
-        """async () => {
-            const list = safestage.list, box = list.box, frame = () => new Promise(requestAnimationFrame);
-            const told = () => [...document.querySelectorAll(".row")]
-                .sort((a, b) => a.ariaPosInSet - b.ariaPosInSet).map((row) => row.outerHTML);
-            let made = 0;
-            const watch = new MutationObserver((all) => all.forEach((one) =>
-                one.addedNodes.forEach((node) => { made += Number(node.classList?.contains("row") ?? 0); })));
-            box.scrollTop = 5000;
-            await frame(); await frame();
-            watch.observe(document.getElementById("rows"), { childList: true });
-            for (const top of [5300, 60_000, 119_000, 30_000, 5000]) {
-                box.scrollTop = top;
-                await frame(); await frame();
-            }
-            watch.disconnect();
-            const again = told();
-            list.rows.replaceChildren(); list.drawn.clear(); list.draw();
-            return [made, again, told()];
-        }"""
-    )
-    assert len(again) > 10
-    assert again == fresh
-    assert made <= 2  # a row more or less may fit in
 
 
 def test_the_list_fills_while_a_server_judges(tab, written):  # noqa: F811

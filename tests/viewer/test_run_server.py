@@ -9,7 +9,6 @@ from base64 import b64decode
 import pytest
 from studio import safe_and_unsafe
 
-from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from safestage_eval.run.settings import load_settings
 from safestage_eval.viewer.live_run import LiveRun
@@ -107,16 +106,3 @@ def test_a_broken_trace_is_reported_and_stops_no_other(traces, tmp_path):
     broken = data["episodes"]["verdict"].index(None)
     head = content(run.piece(f"e{broken}"))
     assert "problem" in json.loads(head[4 : 4 + int.from_bytes(head[:4], "little")])
-
-
-def test_results_that_are_there_are_not_judged_again(traces):
-    from safestage_eval.run.score_many import score_many
-
-    refs, settings = discover(traces), load_settings(["fsh"])
-    rows = {result.episode_id: result.rows() for result in score_many(refs, settings=settings)}
-    assert LiveRun("a run", refs, settings, rows=rows).left == 0
-
-
-def test_a_port_that_is_taken_is_reported(server):
-    with pytest.raises(InputError, match="cannot be had"):
-        RunServer(server.run, server.server_port)

@@ -11,8 +11,6 @@ from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_many import score_paths
 from safestage_eval.sketch import resolve
-from safestage_eval.verdicts.problem import Problem
-from safestage_eval.whatif.judge_again import Again
 from safestage_eval.whatif.sweep import sweep
 from safestage_eval.whatif.swept_values import between, chosen, text_of
 
@@ -108,27 +106,6 @@ def test_the_flip_lies_where_the_margin_says(shelf):
         assert (flip["from"], flip["to"]) == ("pass", "violation")
 
 
-def test_many_values_cost_a_few_judgements(shelf, monkeypatch):
-    """Values between two flips are not judged again."""
-    tried = []
-    under = Again.under
-    monkeypatch.setattr(Again, "under", lambda self, *a: tried.append(a) or under(self, *a))
-    values = between(load_rules(["fsh"]), "edge", "0 cm", "4 cm", 200)
-    found = sweep(discover([shelf]), ["fsh"], "edge", values)
-    assert found.count == 4
-    assert not tried
-
-
-def test_curves_are_distinguished(shelf):
-    values = chosen(load_rules(["fsh"]), "edge", ["1 cm", "2 cm"])
-    found = sweep(discover([shelf]), ["fsh"], "edge", values)
-    curves = found.curves(["policy", "rule"])
-    assert {key: [cell.counts["VR"] for cell in cells] for key, cells in curves.items()} == {
-        ("x", "FSH101"): [1, 1],
-        ("y", "FSH101"): [0, 1],
-    }
-
-
 def test_a_broken_trace_is_a_problem_and_stops_no_other(shelf, tmp_path):
     whole = (shelf / "a.mcap").read_bytes()
     (tmp_path / "half.mcap").write_bytes(whole[: len(whole) // 2])
@@ -141,37 +118,6 @@ def test_a_broken_trace_is_a_problem_and_stops_no_other(shelf, tmp_path):
     assert "half.mcap" in done.err
 
 
-def test_worker_processes_say_the_same(shelf):
-    values = chosen(load_rules(["fsh"]), "edge", ["1 cm", "2 cm"])
-    refs = discover([shelf])
-    one, two = (sweep(refs, ["fsh"], "edge", values, jobs=jobs) for jobs in (1, 2))
-    assert one.segments.equals(two.segments)
-    assert one.curves() == two.curves()
-    assert not [p for p in two.problems if isinstance(p, Problem) and p.message]
-
-
-def test_the_table_draws_equal_values_together(shelf):
-    done = run(
-        "sweep", shelf, "-r", "fsh", "-p", "edge", "--from", "0 cm", "--to", "4 cm", "--steps", "5"
-    )
-    assert done.code == 0
-    lines = done.text.splitlines()
-    assert [line.split("  ")[0] for line in lines[1:5]] == ["0 cm", "1 cm", "2 cm … 3 cm", "4 cm"]
-    assert "edge is 2 cm by default and read by FSH101; 5 values, 4 episodes." in done.text
-    assert "1 episode left out" in done.text
-
-
-def test_csv_has_a_row_for_each_value(shelf):
-    done = run(
-        "sweep", shelf, "-r", "fsh", "-p", "edge", "--steps", "3", "-f", "csv", "--by", "policy"
-    )
-    head, *rows = done.text.splitlines()
-    assert head.startswith("policy,param,value,unit,SR,SSR,USR,VR,")
-    assert [row.split(",")[:4] for row in rows] == [
-        [policy, "edge", value, "m"] for policy in "xy" for value in ("0.0", "0.02", "0.04")
-    ]
-
-
 @pytest.mark.parametrize("ending", ["png", "svg"])
 @pytest.mark.parametrize("by", [[], ["--by", "policy"]])
 def test_a_plot_is_drawn(shelf, tmp_path, ending, by):
@@ -179,14 +125,6 @@ def test_a_plot_is_drawn(shelf, tmp_path, ending, by):
     done = run("sweep", shelf, "-r", "fsh", "-p", "edge", "--steps", "5", "--plot", path, *by)
     assert done.code == 0
     assert path.read_bytes().startswith(b"\x89PNG" if ending == "png" else b"<?xml")
-
-
-def test_without_matplotlib_the_extra_is_named(shelf, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
-    done = run("sweep", shelf, "-r", "fsh", "-p", "edge", "--plot", tmp_path / "a.png")
-    assert done.code == 2
-    assert "pip install 'safestage[plot]'" in done.err
-    assert done.text == "", "told before anything is measured"
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,9 @@ from safestage_eval.audit.subject import Subject
 from safestage_eval.episode import Body
 from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.group_clearance import clearance_series
+from safestage_eval.geometry.polygon import polygon_margin
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.geometry.shape import BodyShape
-from safestage_eval.geometry.stability import polygon_margin
 
 F64 = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Checks of the format: what ``safestage validate`` lists in full."""
+"""Checks of the format: what ``safestage audit --files`` lists in full."""
 
 from __future__ import annotations
 
@@ -29,5 +29,5 @@ def broken_format(subject: Subject) -> Iterator[Defect]:
         first.what.rstrip(".")
         + (f". Expected: {first.allowed}." if first.allowed else ".")
         + (f" And {more} more." if more else ""),
-        first.fix or "safestage validate lists everything that is wrong with the file",
+        first.fix or "safestage audit --files lists everything that is wrong with the file",
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
+from safestage_eval.audit.quaternion_order import standing_otherwise, turning_otherwise
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject
 from safestage_eval.episode.invariants import all_finite
@@ -78,14 +79,25 @@ def _unit(size: float) -> str:
     cheap=True,
 )
 def quaternion_order(subject: Subject) -> Iterator[Defect]:
-    """Compares orientations with angular velocities and contacts, and counts bodies at (0, 0, 0, ±1).
+    """Compares orientations with angular velocities, contacts and what objects stand on, in both orders.
 
-    In the order x, y, z, w that is a body that is not turned; as w, x, y, z it is one turned by
-    exactly 180° about z, which two bodies of a scene rarely are, nor the only one that can move.
+    Then it counts bodies at (0, 0, 0, ±1). In the order x, y, z, w that is a body that is not turned; as
+    w, x, y, z it is one turned by exactly 180° about z, which two bodies of a scene rarely are, nor the
+    only one that can move.
     """
     yield from subject.explained("AUD111")
     if subject.diagnosis.repair is not None or not subject.readable:
         return
+    for names, what in (turning_otherwise(subject), standing_otherwise(subject)):
+        if names:
+            yield Defect(
+                what,
+                "write quaternions as w, x, y, z",
+                "quaternions are stored as x, y, z, w",
+                bodies=names,
+                field="bodies.orientation",
+            )
+            return
     [alone] = moving if len(moving := [b.name for b in subject.objects]) == 1 else [""]
     if alone and (abs(subject.track(alone).orientation) == (0, 0, 0, 1)).all():
         yield Defect(

@@ -17,7 +17,7 @@ from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.players import combinations
-from safestage_eval.verdicts.stretches import applies
+from safestage_eval.verdicts.scopes import applies
 
 F64 = NDArray[np.float64]
 

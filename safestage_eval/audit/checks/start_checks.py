@@ -34,10 +34,15 @@ def repeated_starts(campaign: Campaign) -> Iterator[Defect]:
             continue
         repeated = sum(len(states) - 1 for states in same)
         seeds = sorted(one.seed for one in same[0] if one.seed is not None)
+        states_seen = len(one_each) - repeated
+        said = f"all {len(one_each)} seeds start from the same state."
+        if states_seen > 1:
+            said = (
+                f"{len(one_each)} seeds start from {states_seen} different states; seeds "
+                f"{first_few([*map(str, seeds)], 3)} start from the same one."
+            )
         yield Defect(
-            f"task {task or '–'}, {label((policy or '–', prompt or '–'))}: {len(one_each)} seeds "
-            f"begin in {len(one_each) - repeated} different states; seeds "
-            f"{first_few([*map(str, seeds)], 3)} begin in the same one.",
+            f"task {task or '–'}, {label((policy or '–', prompt or '–'))}: {said}",
             "let the seed choose the initial state, or count these rollouts as repetitions of one seed",
             "the seed does not reach the environment, or a reset restores one stored state",
             field="seed",

@@ -1,13 +1,12 @@
-"""The functions of ``mcap_kernels`` by NumPy, where the compiler of kernels has not been loaded.
+"""The messages of a chunk: found, compared with the layout they should have, and copied.
 
-Loading it takes longer than reading a file in this way, and 60 MB. What the functions take and
-return is told there.
+Every function checks a stated length against the bytes that are there before it uses it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from struct import Struct
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,73 +27,101 @@ _start = Struct("<BQH").unpack_from
 
 _START = 11
 
+_CUT_OFF = "a record is longer than its chunk, or cut off"
+
 
 def find_messages(
-    raw: NDArray[np.uint8], at: int, topics: Any, out: Any, counts: NDArray[np.int64]
+    raw: NDArray[np.uint8], at: int, topics: NDArray[np.int16], found: list[list[tuple[int, int]]]
 ) -> int:
-    """See the kernel of this name."""
-    data, size, room = raw.data, len(raw), out.shape[1]
-    topic_of = topics.data
-    places = [out[k, :count].tolist() for k, count in enumerate(counts.tolist())]
+    """Find the messages of a block of records, up to the next one that declares a channel.
+
+    Args:
+        raw: (N,) uint8, whole records one after the other.
+        at: where to begin.
+        topics: (65536,) number of the topic of a channel; -1 for those that nobody wants.
+        found: of each topic, where the data of its messages begin and end; goes on from there.
+
+    Returns:
+        Where the next channel record begins, or the length of the block at its end.
+
+    Raises:
+        ValueError: the bytes are no records.
+    """
+    data, size, topic_of = raw.data, len(raw), topics.data
     while at < size:
         if size - at < PREFIX:
-            return -1
+            raise ValueError(_CUT_OFF)
         kind, length, number = _start(data, at) if size - at >= _START else (*_prefix(data, at), 0)
         begin = at + PREFIX
         end = begin + length
         if end > size:
-            return -1
+            raise ValueError(_CUT_OFF)
         if kind == CHANNEL:
             break
         if kind == MESSAGE:
             if length < 2:
-                return -1
+                raise ValueError(_CUT_OFF)
             topic = topic_of[number]
             if topic >= 0:
-                if len(places[topic]) == room:
-                    break
-                places[topic].append((begin + HEAD if length > HEAD else end, end))
+                found[topic].append((begin + HEAD if length > HEAD else end, end))
         at = end
-    for k, own in enumerate(places):
-        counts[k] = len(own)
-        out[k, : len(own)] = np.array(own, np.int64).reshape(-1, 2)
     return at
 
 
 def copy_frames(
-    raw: NDArray[np.uint8], places: NDArray[np.int64], first: NDArray[np.uint8], between: Any,
-    moves: NDArray[np.int64], parts: NDArray[np.int64], rows: Any, words: NDArray[np.uint32],
-    numbers: Any,
-    tolerance: float,
-) -> int:  # fmt: skip
-    """Like the kernel of this name, but returns 1 where any frame number is invalid."""
+    raw: NDArray[np.uint8],
+    places: NDArray[np.int64],
+    first: NDArray[np.uint8],
+    between: NDArray[np.intp],
+    moves: Iterable[tuple[int, int, int]],
+    rows: NDArray[np.uint8],
+) -> bool:
+    """Copy the fields of messages that are laid out like the first one, side by side.
+
+    Args:
+        raw: (N,) uint8.
+        places: (M, 2) where each message begins and ends.
+        first: (S,) uint8, a message.
+        between: (K,) which of its bytes are no values: all messages must share them.
+        moves: of each field, where its values begin in a message, how many bytes they are, and
+            where they begin in a row.
+        rows: (M, W) uint8 to be filled.
+
+    Returns:
+        False where a message is laid out in another way.
+    """
     size = len(first)
     if (places[:, 1] - places[:, 0] != size).any():
-        return -1
+        return False
     messages = _bytes_at(raw, places[:, 0], size)
     if (messages[:, between] != first[between]).any():
-        return -1
-    for offset, length, to in moves.tolist():
+        return False
+    for offset, length, to in moves:
         rows[:, to : to + length] = messages[:, offset : offset + length]
-    begin, end, turn, stop = parts.tolist()
-    with np.errstate(all="ignore"):
-        w, x, y, z = np.moveaxis(np.square(numbers[:, turn:stop]).reshape(-1, 4), 1, 0)
-        off = np.abs(w + x + y + z - 1).max(initial=0)
-        return int(
-            not (np.isfinite(words[:, begin:end].view(np.float32).sum()) and off < tolerance)
-        )
+    return True
 
 
 def find_points(
-    raw: NDArray[np.uint8], places: NDArray[np.int64], fixed: Any, size: int, out: Any
-) -> int:
-    """See the kernel of this name."""
+    raw: NDArray[np.uint8], places: NDArray[np.int64], fixed: NDArray[np.uint8], size: int
+) -> NDArray[np.int64] | None:
+    """Find the points of point clouds that are laid out as this project writes them.
+
+    Args:
+        raw: (N,) uint8.
+        places: (M, 2) where each message begins and ends.
+        fixed: (K,) uint8, what follows a stamp and comes before the length of the points.
+        size: bytes of a point.
+
+    Returns:
+        (M, 2) where the points of each message begin and end; None where a message is laid out in
+        another way.
+    """
     at, end = places.T.copy()
     if (end - at < len(fixed) + 2).any():
-        return -1
-    at += 2 + raw[at + 1].astype(np.int64)
+        return None
+    at += 2 + raw[at + 1].astype(np.int64)  # after the stamp
     if (at + len(fixed) >= end).any() or (_bytes_at(raw, at, len(fixed)) != fixed).any():
-        return -1
+        return None
     at += len(fixed)
     length = np.zeros(len(at), np.int64)
     more = np.ones(len(at), bool)
@@ -104,16 +131,15 @@ def find_points(
         at += more
         more &= digit > 0x7F
     if (more | (at + length != end) | (length % size != 0)).any():
-        return -1
-    out[:, 0], out[:, 1] = at, end
-    return int(length.sum())
+        return None
+    return np.stack([at, end], 1)
 
 
-def copy_points(raw: NDArray[np.uint8], places: NDArray[np.int64], rows: Any) -> None:
-    """See the kernel of this name."""
+def copy_bytes(raw: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return the bytes at some places (M, 2), one after the other."""
     view = raw.data
-    joined = b"".join([view[begin:end] for begin, end in places.tolist()])
-    rows[:] = np.frombuffer(joined, np.uint8)
+    parts = [view[begin:end] for begin, end in places.tolist()]
+    return np.frombuffer(b"".join(parts), np.uint8)
 
 
 def _bytes_at(raw: NDArray[np.uint8], at: NDArray[np.int64], width: int) -> NDArray[np.uint8]:

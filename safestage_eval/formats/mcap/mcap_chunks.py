@@ -7,39 +7,21 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._process.machine_code import is_loaded
 from safestage_eval.formats.checksum import crc32
 from safestage_eval.size_limits import current
 
-from . import mcap_arrays
-from .mcap_arrays import MESSAGE, PREFIX
+from .mcap_arrays import PREFIX, find_messages
 
 _length = struct.Struct("<Q").unpack_from
 _number = struct.Struct("<H").unpack_from
 
-_ROOM = 1 << 10
-"""Messages of a block that there is room for at first."""
-
 _MOST = 256
 """No byte of an LZ4 block stands for more."""
-
-
-def functions() -> ModuleType:
-    """Return ``mcap_kernels`` where kernels are loaded, else ``mcap_arrays``.
-
-    Loading them takes longer than reading a file without them. Whoever measures shapes has them loaded.
-    """
-    if not is_loaded():
-        return mcap_arrays
-    from . import mcap_kernels
-
-    return mcap_kernels
 
 
 class Batch(NamedTuple):
@@ -88,24 +70,15 @@ def find(block: Any, topics: Topics) -> dict[str, Batch]:
         ValueError, struct.error: the bytes are no records.
     """
     raw = np.frombuffer(block, np.uint8)
-    find_messages = functions().find_messages
-    kinds, at = len(topics.names), 0
-    spans, counts = np.empty((kinds, _ROOM, 2), np.int64), np.zeros(kinds, np.int64)
-    while at < len(raw):
-        at = find_messages(raw, at, topics.of, spans, counts)
-        if at < 0:
-            raise ValueError("a record is longer than its chunk, or cut off")
-        if at == len(raw):
-            break
-        if raw[at] == MESSAGE:
-            spans = np.concatenate([spans, np.empty_like(spans)], 1)
-            continue
+    found: list[list[tuple[int, int]]] = [[] for _ in topics.names]
+    at = 0
+    while (at := find_messages(raw, at, topics.of, found)) < len(raw):
         end = at + PREFIX + _length(raw.data, at + 1)[0]
         channel = raw[at + PREFIX : end].tobytes()
         topics.declare(_number(channel)[0], text(channel, 4)[0])
         at = end
-    batches = zip(topics.names, spans, counts.tolist(), strict=True)
-    return {name: Batch(raw, places[:count]) for name, places, count in batches if count}
+    batches = zip(topics.names, found, strict=True)
+    return {name: Batch(raw, np.array(places)) for name, places in batches if places}
 
 
 def stated_size(content: bytes) -> int:

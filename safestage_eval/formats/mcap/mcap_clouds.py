@@ -16,7 +16,8 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import POINT, RAW, table_points
 from safestage_eval.formats.frame_buffers import doubled
 
-from .mcap_chunks import Batch, functions
+from .mcap_arrays import copy_bytes, find_points
+from .mcap_chunks import Batch
 
 FIELDS = {
     **{name: ("position", i) for i, name in enumerate("xyz")},
@@ -59,10 +60,21 @@ def empty_cloud() -> PointCloud:
     return cloud
 
 
-def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
-    """Serialise point clouds, one per frame; ``times`` (T,) ns, their log times."""
+def cloud_messages(
+    contacts: ContactTable, times: list[int], *, placed: bool = False
+) -> Iterator[bytes]:
+    """Serialise point clouds, one per frame.
+
+    Args:
+        contacts: of the episode.
+        times: (T,) ns, their log times.
+        placed: say that the clouds' place is the origin, too. Left out it means the same, but not to Rerun,
+            which then writes recordings that it refuses itself.
+    """
     ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
     points, cloud = table_points(contacts).tobytes(), empty_cloud()
+    if placed:
+        cloud.pose.position.SetInParent()
     for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
         cloud.timestamp.FromNanoseconds(time)
         cloud.data = points[begin:end]
@@ -90,14 +102,11 @@ class CloudPoints:
     def take(self, batch: Batch) -> None:
         """Keep the points of some more messages; ``points`` raises their errors, if they count."""
         if self._problem is None:
-            places = np.empty_like(batch.places)
-            size = functions().find_points(
-                batch.raw, batch.places, self._own, POINT.itemsize, places
-            )
-            if size < 0:
+            places = find_points(batch.raw, batch.places, self._own, POINT.itemsize)
+            if places is None:
                 self._decode(batch)
             else:
-                self._keep(batch.raw, places, size // POINT.itemsize)
+                self._keep(batch.raw, places)
         self.count += len(batch)
 
     def points(self, frames: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
@@ -111,12 +120,13 @@ class CloudPoints:
             raise self._problem
         return self._points[: int(counts.sum())], counts
 
-    def _keep(self, raw: NDArray[np.uint8], places: NDArray[np.int64], count: int) -> None:
-        """Copy ``count`` points, whose bytes are at ``places``."""
-        begin, end = self._end, self._end + count
+    def _keep(self, raw: NDArray[np.uint8], places: NDArray[np.int64]) -> None:
+        """Copy the points whose bytes are at ``places``."""
+        points = copy_bytes(raw, places).view(RAW)
+        begin, end = self._end, self._end + len(points)
         while end > len(self._points):
             self._points = doubled(self._points)
-        functions().copy_points(raw, places, self._points[begin:end].view(RAW).view(np.uint8))
+        self._points[begin:end].view(RAW)[...] = points
         self._counts.append((places[:, 1] - places[:, 0]) // POINT.itemsize)
         self._end = end
 
@@ -129,7 +139,7 @@ class CloudPoints:
                 self._problem = error
                 break
             raw = np.frombuffer(points.tobytes(), np.uint8)
-            self._keep(raw, np.array([[0, len(raw)]]), len(points))
+            self._keep(raw, np.array([[0, len(raw)]]))
 
 
 def _decoded(message: bytes, name_: str, where: str) -> NDArray[Any]:

@@ -13,7 +13,8 @@ from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.frame_buffers import doubled
 
-from .mcap_chunks import Batch, functions
+from .mcap_arrays import copy_frames
+from .mcap_chunks import Batch
 from .mcap_messages import FRAME, MESSAGES, message_class
 from .mcap_metadata import TRACK_COLUMNS
 
@@ -86,9 +87,10 @@ class FrameRows:
         if self._like is not None and self._other is None:
             while end > len(self._values):
                 self._values = doubled(self._values)
-            bad = self._like.copy(batch, self._values[self.count : end])
-            self.sound &= bad == 0
-            if bad < 0:
+            values = self._values[self.count : end]
+            if self._like.copy(batch, values):
+                self.sound = self.sound and self._like.is_sound(values)
+            else:
                 self._other = self._like.messages(self._values[: self.count])
                 self._values = np.zeros((0, 0), np.uint8)
         if self._other is not None:
@@ -135,7 +137,7 @@ class _Layout:
         turns = begins["body_orientation"]
         count = self._moves["body_orientation"][1] // 16 * 4  # what is left over tells by its width
         last = begins["joint_position"]
-        self._parts = np.array([begins["body_position"], last, turns, turns + count])
+        self._parts = begins["body_position"], last, turns, turns + count
 
     @classmethod
     def of(cls, message: NDArray[np.uint8]) -> _Layout | None:
@@ -152,16 +154,23 @@ class _Layout:
             return None
         return cls(message, places)
 
-    def copy(self, batch: Batch, values: NDArray[np.uint8]) -> int:
+    def copy(self, batch: Batch, values: NDArray[np.uint8]) -> bool:
         """Copy the fields of messages, side by side, into (M, width).
 
-        Returns how many are not sound for sure; -1 where one is laid out in another way.
+        Returns False where one is laid out in another way.
         """
-        bad: int = functions().copy_frames(
-            batch.raw, batch.places, self._first, self._between, np.array(list(self._moves.values())),
-            self._parts, values, values.view(np.uint32), values.view(np.float32), UNIT_TOLERANCE,
-        )  # fmt: skip
-        return bad
+        return copy_frames(
+            batch.raw, batch.places, self._first, self._between, self._moves.values(), values
+        )
+
+    def is_sound(self, values: NDArray[np.uint8]) -> bool:
+        """True if all numbers of bodies are finite for sure, and all orientations of unit norm."""
+        begin, end, turn, stop = self._parts
+        numbers = values.view(np.float32)
+        with np.errstate(all="ignore"):
+            w, x, y, z = np.moveaxis(np.square(numbers[:, turn:stop]).reshape(-1, 4), 1, 0)
+            off = np.abs(w + x + y + z - 1).max(initial=0)
+            return bool(np.isfinite(numbers[:, begin:end].sum()) and off < UNIT_TOLERANCE)
 
     def columns(self, values: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
         """Return name → (N, numbers), views of (N, width)."""

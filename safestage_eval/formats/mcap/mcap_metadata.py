@@ -5,41 +5,46 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from hashlib import sha256
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, Json
+from pydantic import BeforeValidator, Field
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import Episode, Header, Record
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import table_points
-from safestage_eval.formats.digests import frame_digests, sealed
-from safestage_eval.formats.header_limits import check_counts, check_texts
-from safestage_eval.formats.parquet.arrow_tables import ROBOT_COLUMNS
+from safestage_eval.formats.header_limits import check_counts, check_texts, validated
 from safestage_eval.formats.parquet.dataset_layout import check_version
-from safestage_eval.formats.parquet.episode_row import encode, validated
+from safestage_eval.formats.parquet.episode_row import encode
 
 TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
+
+
+def _parse(value: Any) -> Any:
+    try:
+        return from_json(value) if isinstance(value, str) else value
+    except ValueError as error:
+        raise ValueError(f"Invalid JSON: {error}") from None
+
+
+_JSON = BeforeValidator(_parse)
 
 
 class McapMetadata(Record):
     """Texts of the record ``safestage``, most of them JSON."""
 
     schema_version: str
-    header: Json[Header]
-    moving: Json[tuple[str, ...]] | None = None
+    header: Annotated[Header, _JSON]
+    moving: Annotated[tuple[str, ...] | None, _JSON] = None
     """Bodies in each frame, in order; all movable ones when absent."""
-    fixed: Json[dict[str, Annotated[tuple[float, ...], Field(min_length=13, max_length=13)]]] = (
-        Field(default_factory=dict)
-    )
+    fixed: Annotated[
+        dict[str, Annotated[tuple[float, ...], Field(min_length=13, max_length=13)]], _JSON
+    ] = Field(default_factory=dict)
     """Body → position, orientation, linear and angular velocity of those that never move."""
-    channels: Json[tuple[tuple[str, str], ...]] = ()
+    channels: Annotated[tuple[tuple[str, str], ...], _JSON] = ()
     """(body, name) of the values in a frame's ``channel``."""
     frames: int | None = None
     content_hash: str | None = None
-    digests: str | None = None
-    """CRC-32 of each column, and a seal on them."""
     checksum: str | None = None
     """SHA-256 of the other texts: chunks have their own."""
 
@@ -82,26 +87,8 @@ def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
         "channels": encode([list(key) for key in episode.channels], where),
         "frames": str(len(episode)),
         "content_hash": episode.content_hash,
-        "digests": sealed(episode, _digests(episode, moving)),
     }
     return texts | {"checksum": checksum(texts)}
-
-
-def _digests(episode: Episode, moving: list[str]) -> dict[str, str]:
-    """Return the digests of what ``mcap_frames`` and ``mcap_clouds`` write."""
-    frames = len(episode)
-
-    def joined(columns: list[NDArray[np.float32]]) -> NDArray[np.float32]:
-        return np.concatenate([np.zeros((frames, 0), np.float32), *columns], axis=1)
-
-    stored = {
-        f"body_{name}": joined([getattr(episode.tracks[body], name) for body in moving])
-        for name in TRACK_COLUMNS
-    }
-    stored |= {name: getattr(episode.frames, name) for name in ROBOT_COLUMNS}
-    stored["channel"] = joined([values[:, None] for values in episode.channels.values()])
-    counts = np.bincount(episode.contacts.frame, minlength=frames)
-    return frame_digests(stored, episode.t, table_points(episode.contacts), counts)
 
 
 def checksum(texts: Mapping[str, str]) -> str:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
-from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,6 @@ from safestage_eval.episode import (
 )
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import GeomNames, PackedContacts, contact_table
-from safestage_eval.formats.digests import Seal, computed, frame_digests
 from safestage_eval.formats.lazy_columns import StoredTrack
 from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import from_ply
@@ -150,26 +148,7 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     )  # fmt: skip
     if checked:
         _check(episode, metadata, rows.sound)
-        if records.whole:
-            weak = ref(episode)  # the seal is part of it
-            seal = Seal(metadata.content_hash, metadata.digests, lambda: _hash_of(weak()), where)
-            seal.check(metadata.header)
-            if seal.digests is not None:
-                _compare(seal, frame_digests(columns, t, points, counts))
-            vars(episode)["_vouched"] = seal.content_hash
     return episode
-
-
-def _hash_of(episode: Episode | None) -> str:
-    return "" if episode is None else computed(episode)
-
-
-def _compare(seal: Seal, digests: Mapping[str, str]) -> None:
-    """Raises TraceError where a column is not as it was written."""
-    for name, digest in digests.items():
-        stated = seal.digests.get(name) if isinstance(seal.digests, dict) else None
-        if stated != digest:
-            seal.differs(f"the column {name!r}")
 
 
 def _episode(
@@ -320,7 +299,7 @@ def _no_trace(where: str, profile: str) -> TraceError:
         where,
         f"an MCAP file of profile {profile!r} without the metadata record {PROFILE!r}: no trace.",
         f"profile {PROFILE!r}",
-        "record or convert the episode with safestage",
+        "if it has transforms, import it first: safestage import FILE --to DATASET",
     )
 
 

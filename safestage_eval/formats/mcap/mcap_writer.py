@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from safestage_eval.episode import Episode
-from safestage_eval.formats.atomic import replacing
+from safestage_eval.formats.atomic import writing
 from safestage_eval.formats.event import Event
 from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import to_ply
@@ -45,18 +45,20 @@ TF_RATE = 30.0
 """Hz, of the transforms for viewers; the evaluator reads the frames."""
 
 
-def write_mcap(episode: Episode, path: Path, events: Sequence[Event] = ()) -> None:
+def write_mcap(
+    episode: Episode, path: Path, events: Sequence[Event] = (), *, placed: bool = False
+) -> None:
     """Write the episode; the file appears whole or not at all.
 
     ``events`` stand in the channel ``/events`` beside start, success and end; viewers show them,
-    and no reader takes them for data.
+    and no reader takes them for data. ``placed``: as in ``cloud_messages``.
 
     Raises:
         TraceError: the header holds a number that is not finite.
     """
     moving = moving_bodies(episode)
     metadata = to_texts(episode, moving)
-    with replacing(path) as part, part.open("wb") as stream:
+    with writing(path) as part, part.open("wb") as stream:
         writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)
         writer.start(profile=PROFILE, library=f"safestage {__version__}")
         # header and shapes come first, so that a file cut off still has them
@@ -66,7 +68,7 @@ def write_mcap(episode: Episode, path: Path, events: Sequence[Event] = ()) -> No
             writer.add_attachment(0, 0, f"geometry/{key}.ply", "application/octet-stream", ply)
         for name, data in episode.attachments.items():
             writer.add_attachment(0, 0, name, "application/octet-stream", data)
-        _messages(writer, episode, moving, events)
+        _messages(writer, episode, moving, events, placed)
         writer.finish()
 
 
@@ -81,7 +83,7 @@ def _moves(episode: Episode, name: str, rows: int) -> bool:
 
 
 def _messages(
-    writer: Writer, episode: Episode, moving: list[str], remarks: Sequence[Event]
+    writer: Writer, episode: Episode, moving: list[str], remarks: Sequence[Event], placed: bool
 ) -> None:
     def channel(topic: str, message: Any) -> int:
         data = build_file_descriptor_set(message).SerializeToString()
@@ -110,7 +112,8 @@ def _messages(
     writer.add_message(robot, start, _cdr_string(to_urdf(episode)), start)
     notes = _events(episode, times, remarks)
     state_channel = own(STATE, "State") if episode.states else 0
-    frames, clouds = frame_messages(episode, moving), cloud_messages(episode.contacts, times)
+    frames = frame_messages(episode, moving)
+    clouds = cloud_messages(episode.contacts, times, placed=placed)
     for n, (time, data, cloud) in enumerate(zip(times, frames, clouds, strict=True)):
         writer.add_message(frame, time, data, time, n)
         writer.add_message(contacts, time, cloud, time, n)

@@ -10,22 +10,6 @@ from numpy.typing import DTypeLike, NDArray
 
 from safestage_eval.errors import TraceError
 
-_OFFSETS = {
-    pa.string(): (np.int32, pa.binary()),
-    pa.binary(): (np.int32, pa.binary()),
-    pa.large_string(): (np.int64, pa.large_binary()),
-}
-"""Type of texts → of their offsets, and of the same as bytes."""
-
-NUMBERS = frozenset(
-    kind.id
-    for kind in (pa.int16(), pa.uint16(), pa.int32(), pa.int64(), pa.float32(), pa.float64())
-)
-"""Types of columns that are arrays as they are stored."""
-
-_SHORT = 1 << 22
-"""Bytes up to which texts are sooner put together here than pyarrow's functions are loaded."""
-
 
 def numbers(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray[Any]:
     """Return a column of numbers as (rows,) array of dtype. Raises TraceError for other types."""
@@ -80,7 +64,7 @@ def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.in
     """
     kind = table[column].type
     word = kind.value_type if pa.types.is_dictionary(kind) else kind
-    if not _is_text(word):
+    if not is_text(word):
         raise TraceError(where, f"the column {column!r} holds {kind}.", "names")
     numbers: dict[str, int] = {}
     parts = []
@@ -115,7 +99,8 @@ def _encoded(chunk: pa.Array) -> pa.DictionaryArray:
     return (chunk if plain else chunk.cast(pa.string())).dictionary_encode()
 
 
-def _is_text(kind: pa.DataType) -> bool:
+def is_text(kind: pa.DataType) -> bool:
+    """True of a type of texts."""
     tests = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
     return any(test(kind) for test in tests)
 
@@ -146,23 +131,27 @@ def flat_values(lists: pa.ListArray | pa.LargeListArray) -> NDArray[Any]:
     return raw_values(lists.values.slice(offsets[0], offsets[-1] - offsets[0]))
 
 
-def decoded(words: pa.DictionaryArray) -> pa.Array:
-    """Return the words that a dictionary array stands for; as ``flat_values``, of short texts.
+def pylist(column: pa.ChunkedArray) -> list[Any]:
+    """Return a column as Python values; rows with the same text share it.
 
-    ``pyarrow.array`` of a list would import pandas. Raises ArrowIndexError for a word that is not there.
+    What is no UTF-8 in a text becomes halves of characters, which ``demand_text`` refuses.
     """
-    kind = words.dictionary.type
-    short = len(words) * words.dictionary.nbytes <= _SHORT
-    if not short or words.dictionary.null_count or kind not in _OFFSETS:
-        return words.dictionary_decode()
-    whole, binary = _OFFSETS[kind]
-    names, codes = words.dictionary.view(binary).to_pylist(), words.indices.to_pylist()
-    if not all(code is None or 0 <= code < len(names) for code in codes):
-        return words.dictionary_decode()  # raises
-    texts = [b"" if code is None else names[code] for code in codes]
-    there = np.packbits(np.array([code is not None for code in codes], bool), bitorder="little")
-    parts = (there, np.cumsum([0, *map(len, texts)], dtype=whole), b"".join(texts))
-    return pa.Array.from_buffers(kind, len(texts), [*map(pa.py_buffer, parts)])
+    values: list[Any] = []
+    for chunk in column.chunks:
+        if isinstance(chunk, pa.DictionaryArray):
+            words = _texts(chunk.dictionary)
+            values += [None if code is None else words[code] for code in chunk.indices.to_pylist()]
+        else:
+            values += _texts(chunk)
+    return values
+
+
+def _texts(array: pa.Array) -> list[Any]:
+    try:
+        return list(array.to_pylist())
+    except UnicodeDecodeError:
+        raw = array.view(pa.large_binary() if pa.types.is_large_string(array.type) else pa.binary())
+        return [t if t is None else t.decode("utf-8", "surrogateescape") for t in raw.to_pylist()]
 
 
 def raw_values(array: pa.Array) -> NDArray[Any]:

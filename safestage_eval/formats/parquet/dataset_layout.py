@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import SCHEMA_VERSION
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.atomic import write_bytes
@@ -58,7 +59,7 @@ def check_version(version: str, where: str) -> None:
     own = SCHEMA_VERSION.partition(".")[0]
     major = str(version).partition(".")[0]
     if major != own:
-        newer = major.isdigit() and int(major) > int(own)
+        newer = major.isdigit() and (len(major), major) > (len(own), own)
         raise TraceError(
             where,
             f"trace format {version} cannot be read by this version.",
@@ -73,7 +74,7 @@ def read_info(dataset: Path) -> dict[str, Any]:
     try:
         check_link(path, dataset, str(path))
         regular_status(path)
-        info = json.loads(path.read_text("utf-8"))
+        info = from_json(path.read_text("utf-8"))
         version = info["schema_version"]
     except FileNotFoundError:
         raise TraceError(

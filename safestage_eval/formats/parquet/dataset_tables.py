@@ -1,28 +1,24 @@
-"""An episode as Arrow tables, one for each row group that a dataset stores."""
+"""An episode as Arrow tables, one for each table of a dataset."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from safestage_eval.episode import ContactTable, Episode, Track
-from safestage_eval.formats.digests import Digests, sealed
+from safestage_eval.episode import ContactTable, Episode
 
 from .arrow_tables import CONTACT_VECTORS, ROBOT_COLUMNS, XYZ, schema
 from .episode_row import encode, to_geometry, to_row
 
-CONTACT_GROUP = 2048
-"""Least rows of a row group of contacts; it ends where the pair of bodies changes."""
-
 TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
 
 
-def episode_tables(episode: Episode, index: int) -> dict[str, Iterator[pa.Table]]:
-    """Return table name → its row groups for an episode, made one by one.
+def episode_tables(episode: Episode, index: int) -> dict[str, pa.Table]:
+    """Return table name → its rows for an episode.
 
     The optional tables ``channels`` and ``states`` are there only when the episode has any.
 
@@ -32,22 +28,22 @@ def episode_tables(episode: Episode, index: int) -> dict[str, Iterator[pa.Table]
     tables = {
         "bodies": _bodies(episode, index),
         "contacts": _contacts(episode, index),
-        "frames": iter([_frames(episode, index)]),
-        "geometry": iter([as_rows("geometry", to_geometry(episode.header, index))]),
+        "frames": _frames(episode, index),
+        "geometry": as_rows("geometry", to_geometry(episode.header, index)),
     }
     if episode.channels:
         tables["channels"] = _channels(episode, index)
     if episode.states:
-        tables["states"] = iter([_states(episode, index)])
+        tables["states"] = _states(episode, index)
     return tables
 
 
 def episode_entry(
-    episode: Episode, index: int, file: str, attachments: Mapping[str, str], digests: Digests
+    episode: Episode, index: int, file: str, attachments: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return the episode's row of ``meta/episodes``.
 
-    ``attachments`` maps names to files in ``assets``; ``digests``: of its tables.
+    ``attachments`` maps names to files in ``assets``.
 
     Raises:
         TraceError: the header holds a number that is not finite.
@@ -62,7 +58,6 @@ def episode_entry(
         "states": len(episode.states),
         "attachments": encode(dict(attachments), name),
         "content_hash": episode.content_hash,
-        "digests": sealed(episode, digests),
     }
 
 
@@ -75,30 +70,34 @@ def _table(table: str, columns: Mapping[str, Any]) -> pa.Table:
     return pa.table([columns[name] for name in schema(table).names], schema(table))
 
 
-def _constant(value: str, rows: int) -> pa.DictionaryArray:
-    return pa.DictionaryArray.from_arrays(np.zeros(rows, np.int16), pa.array([value]))
+def _repeated(words: list[str], rows: list[int]) -> pa.DictionaryArray:
+    """Each word as often as it has rows."""
+    codes = np.repeat(np.arange(len(words), dtype=np.int16), rows)
+    return pa.DictionaryArray.from_arrays(codes, pa.array(words, pa.string()))
 
 
 def _axes(name: str, values: NDArray[np.float32], axes: tuple[str, ...]) -> dict[str, Any]:
     return {f"{name}.{a}": np.ascontiguousarray(values[:, i]) for i, a in enumerate(axes)}
 
 
-def _bodies(episode: Episode, index: int) -> Iterator[pa.Table]:
-    """Moving bodies first: `datasets` reads in batches as long as a file's first row group."""
-    for body in sorted(episode.header.bodies, key=lambda body: not body.movable):
-        track: Track = episode.tracks[body.name]
-        columns: dict[str, Any] = {
-            "episode_index": np.full(len(track), index, np.int32),
-            "frame_index": np.arange(len(track), dtype=np.int32),
-            "body": _constant(body.name, len(track)),
-        }
-        for name in TRACK_COLUMNS:
-            axes = ("w", *XYZ) if name == "orientation" else XYZ
-            columns |= _axes(name, getattr(track, name), axes)
-        yield _table("bodies", columns)
+def _bodies(episode: Episode, index: int) -> pa.Table:
+    """Moving bodies first, and the rows of each body together."""
+    bodies = sorted(episode.header.bodies, key=lambda body: not body.movable)
+    tracks = [episode.tracks[body.name] for body in bodies]
+    rows = [len(track) for track in tracks]
+    columns: dict[str, Any] = {
+        "episode_index": np.full(sum(rows), index, np.int32),
+        "frame_index": np.concatenate([np.arange(n, dtype=np.int32) for n in (0, *rows)]),
+        "body": _repeated([body.name for body in bodies], rows),
+    }
+    for name in TRACK_COLUMNS:
+        axes = ("w", *XYZ) if name == "orientation" else XYZ
+        none = np.zeros((0, len(axes)), np.float32)
+        columns |= _axes(name, np.concatenate([none, *(getattr(t, name) for t in tracks)]), axes)
+    return _table("bodies", columns)
 
 
-def _contacts(episode: Episode, index: int) -> Iterator[pa.Table]:
+def _contacts(episode: Episode, index: int) -> pa.Table:
     contacts = episode.contacts
     slot = slots(contacts)
     order = np.lexsort((contacts.frame, slot, contacts.body2, contacts.body1))
@@ -117,14 +116,7 @@ def _contacts(episode: Episode, index: int) -> Iterator[pa.Table]:
     }
     for name in CONTACT_VECTORS:
         columns |= _axes(name, getattr(contacts, name), XYZ)
-    whole = _table("contacts", columns)
-    new_pair = np.diff(contacts.body1, prepend=-1) != 0
-    new_pair |= np.diff(contacts.body2, prepend=-1) != 0
-    begin = 0
-    for end in (*np.flatnonzero(new_pair).tolist(), len(slot)):
-        if end - begin >= CONTACT_GROUP or end == len(slot):
-            yield whole.slice(begin, end - begin)
-            begin = end
+    return _table("contacts", columns)
 
 
 def slots(contacts: ContactTable) -> NDArray[np.int16]:
@@ -156,19 +148,19 @@ def _frames(episode: Episode, index: int) -> pa.Table:
     return _table("frames", columns)
 
 
-def _channels(episode: Episode, index: int) -> Iterator[pa.Table]:
-    for (body, name), values in episode.channels.items():
-        rows = len(values)
-        yield _table(
-            "channels",
-            {
-                "episode_index": np.full(rows, index, np.int32),
-                "frame_index": np.arange(rows, dtype=np.int32),
-                "body": _constant(body, rows),
-                "name": _constant(name, rows),
-                "value": np.ascontiguousarray(values),
-            },
-        )
+def _channels(episode: Episode, index: int) -> pa.Table:
+    keys, values = list(episode.channels), list(episode.channels.values())
+    rows = [len(one) for one in values]
+    return _table(
+        "channels",
+        {
+            "episode_index": np.full(sum(rows), index, np.int32),
+            "frame_index": np.concatenate([np.arange(n, dtype=np.int32) for n in rows]),
+            "body": _repeated([body for body, _ in keys], rows),
+            "name": _repeated([name for _, name in keys], rows),
+            "value": np.concatenate(values),
+        },
+    )
 
 
 def _states(episode: Episode, index: int) -> pa.Table:

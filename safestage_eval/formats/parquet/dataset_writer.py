@@ -17,11 +17,12 @@ from safestage_eval.formats.atomic import PART, replacing, sync, write_bytes
 from safestage_eval.formats.ply import to_ply
 
 from . import dataset_layout as layout
-from .arrow_tables import arrow_file
+from .arrow_tables import arrow_file, schema, write_options
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .episode_row import mesh_keys, to_row
-from .table_digests import with_digests
-from .table_writer import TableWriter, write_whole, writing_table
+
+GROUP_ROWS = 1 << 20
+"""Most rows of a row group; an episode of a shard has its own."""
 
 
 class Shard:
@@ -42,7 +43,7 @@ class Shard:
         """
         self._dataset, self._file, self._first = dataset, file, first_index
         self._files = files
-        self._writers: dict[str, TableWriter] = {}
+        self._writers: dict[str, pq.ParquetWriter] = {}
         self.entries: list[dict[str, Any]] = []
 
     def __len__(self) -> int:
@@ -58,23 +59,19 @@ class Shard:
         """
         to_row(episode.header)
         index = self._first + len(self)
-        digests: dict[str, list[str]] = {}
-        whole = {
-            table: list(with_digests(table, groups, digests))
-            for table, groups in episode_tables(episode, index).items()
-        }
+        tables = episode_tables(episode, index)
         assets = add_assets(episode, self._dataset)
-        entry = episode_entry(episode, index, self._file, assets, digests)
-        for table, groups in whole.items():
+        entry = episode_entry(episode, index, self._file, assets)
+        for table, rows in tables.items():
             writer = self._writers.get(table) or self._open(table)
-            for group, runs in groups:
-                writer.add(group, runs)
+            writer.write_table(rows, row_group_size=GROUP_ROWS)
         self.entries.append(entry)
 
-    def _open(self, table: str) -> TableWriter:
+    def _open(self, table: str) -> pq.ParquetWriter:
         path = self._files.enter_context(replacing(self._dataset / table / f"{self._file}.parquet"))
-        writer = self._files.enter_context(writing_table(path, table))
-        self._writers[table] = writer
+        sink = self._files.enter_context(arrow_file(path, "wb"))
+        writer = pq.ParquetWriter(sink, schema(table), **write_options(table))
+        self._writers[table] = self._files.enter_context(writer)
         return writer
 
 
@@ -94,7 +91,7 @@ def writing_shard(dataset: Path, file: str, first_index: int) -> Iterator[Shard]
         yield shard
     if shard.entries:
         with replacing(dataset / layout.EPISODES / f"{file}.parquet") as path:
-            write_whole(path, "meta/episodes", as_rows("meta/episodes", shard.entries))
+            _write_entries(path, shard.entries)
 
 
 def add_episode(episode: Episode, dataset: Path) -> Path:
@@ -113,8 +110,13 @@ def add_episode(episode: Episode, dataset: Path) -> Path:
         with ExitStack() as files:
             shard = Shard(dataset, _file_name(index), index, files)
             shard.add(episode)
-        write_whole(part, "meta/episodes", as_rows("meta/episodes", shard.entries))
+        _write_entries(part, shard.entries)
     return dataset / layout.EPISODES / f"{_file_name(index)}.parquet"
+
+
+def _write_entries(path: Path, entries: list[dict[str, Any]]) -> None:
+    with arrow_file(path, "wb") as sink:
+        pq.write_table(as_rows("meta/episodes", entries), sink, **write_options("meta/episodes"))
 
 
 def remove_episode(dataset: Path, file: str) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from math import isfinite
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
-
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import Header
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.header_limits import check_counts, check_texts
+from safestage_eval.formats.header_limits import check_counts, check_texts, validated
+from safestage_eval.units import FINITE
 
 from .arrow_tables import EPISODES
 
@@ -19,9 +20,6 @@ _JSON_FIELDS = tuple(
     name for name in Header.model_fields if EPISODES[name].unit == "JSON" and name != "bodies"
 )
 _FLAT_FIELDS = tuple(name for name in Header.model_fields if EPISODES[name].unit != "JSON")
-
-
-Model = TypeVar("Model", bound=BaseModel)
 
 
 def encode(value: Any, where: str) -> str:
@@ -78,14 +76,27 @@ def from_row(
         if row.get(name) is None or name in known:
             continue
         try:
-            data[name] = json.loads(row[name])
-        except (json.JSONDecodeError, RecursionError) as error:
+            data[name] = from_json(row[name])
+        except ValueError as error:
             raise TraceError(f"{where}, column {name}", f"not JSON: {error}") from None
+    for place, values in (("header field", data), *(("geometry,", geom) for geom in geometry)):
+        _demand_finite(values, f"{where}, {place}")
     if "bodies" not in known:
         _add_geoms(data, geometry, where)
     header = validated(Header, {**data, **known}, f"{where}, header field")
     check_counts(header, where)
     return header
+
+
+def _demand_finite(values: Mapping[str, Any], place: str) -> None:
+    """Raises TraceError for a column of numbers that are not finite: JSON, read before, has none."""
+    for name, value in values.items():
+        some = value if isinstance(value, list | tuple) else (value,)
+        if any(isinstance(number, float) and not isfinite(number) for number in some):
+            raise TraceError(
+                f"{place} {name}", "a number that is not finite.", FINITE,
+                "record the episode again, or leave the field out",
+            )  # fmt: skip
 
 
 def _add_geoms(data: dict[str, Any], geometry: list[dict[str, Any]], where: str) -> None:
@@ -107,19 +118,6 @@ def _add_geoms(data: dict[str, Any], geometry: list[dict[str, Any]], where: str)
             )
         own = {name: value for name, value in geom.items() if value is not None}
         bodies[geom["body"]].setdefault("geoms", []).append(own)
-
-
-def validated(model: type[Model], data: Any, place: str) -> Model:
-    """Validate plain data as a record. Raises TraceError naming the first field that does not fit."""
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        field = ".".join(str(part) for part in first["loc"])
-        more = f" ({error.error_count()} problems in all)" if error.error_count() > 1 else ""
-        raise TraceError(
-            f"{place} {field}".rstrip(), f"{first['msg']}{more}.", fix="see docs/traces.md"
-        ) from None
 
 
 def mesh_keys(header: Header) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,11 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.trace_files import check_link
 
 from .arrow_tables import EPISODES, REQUIRED, schema
-from .stored_table import StoredTable
-from .table_file import Footer
+from .arrow_values import pylist
+from .table_file import TableFile
 
-_LAST: list[tuple[Footer, dict[int, list[dict[str, Any]]]]] = []
-"""The footer of the file that was read last, and its rows by episode.
+_LAST: list[tuple[Hashable, dict[int, list[dict[str, Any]]]]] = []
+"""The file that was read last, and its rows by episode.
 
 Episodes of a file are mostly opened one after the other, and it may tell of hundreds of them.
 """
@@ -37,37 +37,31 @@ def read_row(file: Path, episode_index: int) -> dict[str, Any]:
     Raises:
         TraceError: as ``read_rows``, or no row has this index, or several have.
     """
-    rows = _by_episode(_table(file), file).get(episode_index, [])
+    table = _table(file)
+    if not _LAST or _LAST[0][0] != table.key:
+        by_episode: dict[int, list[dict[str, Any]]] = {}
+        for row in _rows(table, file):
+            by_episode.setdefault(row["episode_index"], []).append(row)
+        _LAST[:] = [(table.key, by_episode)]
+    rows = _LAST[0][1].get(episode_index, [])
     if len(rows) != 1:
         raise TraceError(str(file), f"{len(rows)} rows with episode_index {episode_index}", "one")
     return rows[0]
 
 
-def _table(file: Path) -> StoredTable:
+def _table(file: Path) -> TableFile:
     check_link(file, file.parents[2], str(file))
-    return StoredTable(file, "meta/episodes")
-
-
-def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]]]:
-    for footer, rows in _LAST:
-        if footer is table.footer:
-            return rows
-    rows_by_episode: dict[int, list[dict[str, Any]]] = {}
-    for row in _rows(table, file):
-        rows_by_episode.setdefault(row["episode_index"], []).append(row)
-    _LAST[:] = [(table.footer, rows_by_episode)]
-    return rows_by_episode
+    return TableFile(file, "meta/episodes")
 
 
 def _rows(
-    table: StoredTable, file: Path, columns: tuple[str, ...] | None = None
+    table: TableFile, file: Path, columns: tuple[str, ...] | None = None
 ) -> list[dict[str, Any]]:
-    there = table.footer.layout.types
-    missing = [name for name in REQUIRED if name not in there]
+    missing = [name for name in REQUIRED if name not in table.types]
     if missing:
         raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
-    wanted = [name for name in columns or EPISODES if name in there]
-    return _records(table.all(wanted), wanted, file)
+    wanted = [name for name in columns or EPISODES if name in table.types]
+    return _records(table.read(wanted), wanted, file)
 
 
 def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
@@ -79,8 +73,8 @@ def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[s
             raise TraceError(str(file), f"the column {name!r} holds {values.type}.", f"{wanted}")
         if name in REQUIRED and values.null_count:
             raise TraceError(str(file), f"{name} is empty in {values.null_count} rows")
-    rows: list[dict[str, Any]] = table.to_pylist()
-    return rows
+    values = [pylist(column) for column in table.itercolumns()]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
 
 
 def _kind(kind: pa.DataType) -> str:

@@ -22,8 +22,7 @@ from safestage_eval.viewer.episode.stored_verdicts import StoredVerdicts, differ
 from safestage_eval.viewer.packed import packed, script
 from safestage_eval.whatif.each_episode import each_episode
 from safestage_eval.whatif.judge_again import Again
-from safestage_eval.whatif.sweep import Sweep
-from safestage_eval.whatif.sweep_segments import Segment, segment_frame, segments_of
+from safestage_eval.whatif.sweep import Sweep, Swept, sweep_episode, swept_over
 from safestage_eval.whatif.swept_values import between
 
 from .run_list import piece_name
@@ -60,14 +59,14 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Drawn:
-    """One episode: its pieces unless they were written, and by parameter its segments under other limits."""
+    """One episode: its pieces unless they were written, and by parameter its verdicts under other limits."""
 
     episode_id: str
     packed: Mapping[str, str]
     bytes: int
     film: Path | None
     differs: bool
-    swept: Mapping[str, Sequence[Segment]]
+    swept: Mapping[str, Swept]
 
 
 def pieces(
@@ -141,11 +140,7 @@ def draw(
 ) -> Drawn:
     """Write the evidence of one episode, and sweep it. Raises TraceError if it cannot be read."""
     episode = ref.open()
-    furthest = max(
-        (amount(v) for values in visited.values() for v in values[-1:] if _is_length(v)),
-        default=0.0,
-    )
-    again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
+    again = Again(episode, rules, overrides, bind)
     name = episode.header.episode_id
     stored = said.get(name, StoredVerdicts({}))
     meshes: dict[str, bytes] = {}
@@ -161,7 +156,8 @@ def draw(
         param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
     }
     moved = {
-        param: segments_of(again, param, visited[param]) for param in sorted(read & visited.keys())
+        param: sweep_episode(again, param, visited[param])
+        for param in sorted(read & visited.keys())
     }
     return Drawn(
         name,
@@ -193,10 +189,6 @@ def limits(rule: ast.Rule) -> set[str]:
     }
 
 
-def _is_length(value: ast.Setting) -> bool:
-    return isinstance(value, ast.Quantity) and value.dimension == "length"
-
-
 def _sweeps(
     rules: RuleSet, visited: Mapping[str, tuple[ast.Setting, ...]], drawn: Sequence[Drawn]
 ) -> tuple[Sweep, ...]:
@@ -204,10 +196,8 @@ def _sweeps(
     sweeps = []
     flips: Counter[str] = Counter()
     for param, values in visited.items():
-        segments = segment_frame([row for item in drawn for row in item.swept.get(param, ())])
-        codes = tuple(sorted(set(segments["rule"])))
-        unread = len(drawn) - segments["episode_id"].n_unique()
-        sweep = Sweep(param, values, rules.params[param], codes, unread, (), segments)
+        swept = [item.swept[param] for item in drawn if param in item.swept]
+        sweep = swept_over(rules, param, values, swept)
         flips[param] = len(sweep.flips())
         if flips[param]:
             sweeps.append(sweep)

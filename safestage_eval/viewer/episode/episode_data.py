@@ -15,7 +15,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, told_apart
 from safestage_eval.verdicts import Verdict
 from safestage_eval.verdicts.curves import Looked, frames_to_measure, looked_at
-from safestage_eval.verdicts.spans import spans
+from safestage_eval.verdicts.scopes import spans
 from safestage_eval.viewer.film import film, packed_with
 from safestage_eval.whatif.judge_again import Again
 
@@ -81,7 +81,7 @@ def listed(again: Again, *, everything: bool = False) -> list[Finding]:
     costs = [rule for rule in again.assigned if isinstance(rule, ast.Cost)]
     every: list[ast.Scoped] = [*again.rules.rules.values(), *costs]
     for rule in every:
-        verdict = again.base(rule)[1]
+        verdict = again.usual(rule)
         mine = rule.code in assigned
         if verdict.verdict == "not_applicable" and not (mine or everything):
             continue
@@ -114,7 +114,7 @@ def _phases(again: Again) -> list[dict[str, Any]]:
     )
     if rule is None:
         return []
-    evaluator = again.base(rule)[0]
+    evaluator = again.evaluator(rule)
     phases = []
     for name, phase in again.rules.phases.items():
         if phase.of:
@@ -122,7 +122,7 @@ def _phases(again: Again) -> list[dict[str, Any]]:
         scopes = [s for s in spans(evaluator, ast.PhaseSpan(ast.Call(name, ())), {}) if s.exists]
         phases.append({"name": name, "true": spans_of(t, [(s.first, s.stop) for s in scopes])})
     for body in again.binding.roles.get("target", ()):
-        held = evaluator.state(ast.Call("held", (body,)), {})
+        held = evaluator.state(ast.Call("held", (body,)), {}).margin
         phases.append({"name": f"held({body})", "true": spans_of(t, runs(held.true))})
     return [phase for phase in phases if phase["true"]]
 
@@ -166,7 +166,7 @@ def looks(again: Again, rule: ast.Rule, verdict: Verdict) -> Looked:
         for time in (verdict.time, verdict.worst_time)
         if time is not None
     ]
-    evaluator, _ = again.base(rule)
+    evaluator = again.evaluator(rule)
     wanted = frames_to_measure(len(episode), also)
     return looked_at(evaluator, rule, {k: tuple(v) for k, v in players.items()}, verdict, wanted)
 

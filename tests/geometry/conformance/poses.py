@@ -1,15 +1,8 @@
-"""The poses of poses.toml, and what each clearance backend says of them.
-
-    python tests/geometry/conformance/poses.py docs/clearance.md
-
-writes the table of what python-fcl and coal get wrong anew.
-"""
+"""The poses of poses.toml."""
 
 from __future__ import annotations
 
-import sys
 import tomllib
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,11 +15,6 @@ from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
 
 HERE = Path(__file__).parent
-START, END = "<!-- conformance: start -->", "<!-- conformance: end -->"
-WRONG = 1e-4
-"""m: what other libraries say may differ by so much from the truth before it counts as wrong."""
-
-PACKAGES = {"fcl": "python-fcl", "coal": "coal"}
 
 
 class Pose(NamedTuple):
@@ -76,59 +64,7 @@ BOX_FACES = np.array(
 """Faces over the corners (±1, ±1, ±1) in the order of ``itertools.product``, outward."""
 
 
-def asked(pose: Pose, backend: str = "gjk") -> list[Clearance]:
+def asked(pose: Pose) -> list[Clearance]:
     """The clearance both ways round."""
     pairs = ((pose.a, pose.b), (pose.b, pose.a))
-    return [clearance_series([a], [b], deep=True, backend=backend) for a, b in pairs]
-
-
-def mistakes(backend: str) -> list[tuple[str, str, str]]:
-    """(pose, truth, answers) wherever a library is wrong: by over 0.1 mm, or about touching.
-
-    Saying only that there is a penetration is no mistake.
-    """
-    found = []
-    for pose in poses():
-        answers = [(float(x.lower[0]), float(x.upper[0])) for x in asked(pose, backend)]
-        if any(_is_wrong(pose.truth, *answer) for answer in answers):
-            values = dict.fromkeys(
-                "penetrates" if np.isinf(lower) else f"{lower:.4g}" for lower, _ in answers
-            )
-            truth = "penetrates" if pose.truth is None else f"{pose.truth:.4g}"
-            found.append((pose.name, truth, " / ".join(values)))
-    return found
-
-
-def _is_wrong(truth: float | None, lower: float, upper: float) -> bool:
-    if truth is None:
-        return upper > 0
-    return lower - WRONG > truth or upper + WRONG < truth
-
-
-def table() -> str:
-    """Markdown: one row per pose that a library gets wrong."""
-    found = {name: {row[0]: row for row in mistakes(name)} for name in PACKAGES}
-    heads = " | ".join(f"{PACKAGES[name]} {version(PACKAGES[name])}" for name in PACKAGES)
-    lines = [f"| pose | truth, m | {heads} |", "|---|---|---|---|"]
-    for pose in poses():
-        rows = [found[name].get(pose.name) for name in PACKAGES]
-        if any(rows):
-            truth = next(row[1] for row in rows if row)
-            says = " | ".join(row[2] if row else "" for row in rows)
-            lines.append(f"| {pose.name} | {truth} | {says} |")
-    total = len(poses())
-    counts = " and ".join(f"{PACKAGES[name]} {len(rows)}" for name, rows in found.items())
-    lines += ["", f"Of {total} poses {counts} are wrong; ours, none."]
-    return "\n".join(lines)
-
-
-def main(path: str) -> None:
-    """Write the table into a page, between its marks."""
-    page = Path(path)
-    text = page.read_text()
-    head, tail = text.split(START)[0], text.split(END)[1]
-    page.write_text(f"{head}{START}\n\n{table()}\n\n{END}{tail}")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+    return [clearance_series([a], [b], deep=True) for a, b in pairs]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from safestage_eval.errors import InputError
-from simulate.clients.address import PROTOCOLS, address_of, is_address
-from simulate.policies.policy_names import policy_name
+from simulate.clients.address import address_of, is_address
 from simulate.record.jobs import plan
 from simulate.tasks.task import task_named
 
@@ -38,11 +37,6 @@ def test_what_is_left_out_is_the_protocols_own(policy: str, url: str) -> None:
     assert found.common.timeout is None
 
 
-def test_horizons_are_those_that_the_models_are_run_with() -> None:
-    horizons = {p: address_of(f"{p}:talk:x").dialect.horizon for p in PROTOCOLS}
-    assert horizons == {"openpi": 15, "groot": 8, "dreamzero": 24, "cosmos3": 32}
-
-
 @pytest.mark.parametrize(
     ("policy", "said"),
     [
@@ -62,19 +56,6 @@ def test_mistakes_are_told(policy: str, said: str) -> None:
     assert is_address(policy)
     with pytest.raises(InputError, match=said):
         address_of(policy)
-
-
-@pytest.mark.parametrize("policy", ["openpi:Policy", "idle", "my:Policy", "reference:safe"])
-def test_what_is_no_address(policy: str) -> None:
-    assert not is_address(policy)
-
-
-def test_where_a_policy_is_served_is_no_part_of_the_rollout() -> None:
-    task = task_named("fsh_orange_on_plate")
-    here, there = ("openpi:ws://a?name=pi05", "openpi:ws://b:1?name=pi05&horizon=8")
-    assert policy_name(here) == policy_name(there) == "pi05"
-    ids = {plan([task], [p], [0])[0].episode_id for p in (here, there)}
-    assert ids == {"fsh_orange_on_plate.pi05.default.s0.r0"}
 
 
 def test_two_policies_of_one_name_are_refused() -> None:

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from served import Says, blind, seen  # noqa: F401 - blind is a fixture
 
-from safestage_eval.errors import InputError
 from simulate.clients.message_arrays import pack, unpack
 from simulate.policies.policy_names import policy_named
 from simulate.policy import PolicyError
@@ -88,17 +87,6 @@ def test_requests_that_wait_go_on_together_and_everyone_gets_his_own() -> None:
     assert sum(n * times for n, times in server.batches.items()) == 18
 
 
-def test_no_batch_is_larger_than_is_said() -> None:
-    def slowly(request: dict[str, Any]) -> Any:
-        time.sleep(0.05)
-        return echo(request)
-
-    with gathering(slowly, most=2) as (server, sizes), ThreadPoolExecutor(5) as pool:
-        list(pool.map(lambda n: client(server.url, n), range(5)))
-    assert max(sizes) == 2
-    assert sum(sizes) == 15
-
-
 def test_one_bad_observation_is_not_the_others_trouble() -> None:
     first = threading.Event()
 
@@ -117,36 +105,3 @@ def test_one_bad_observation_is_not_the_others_trouble() -> None:
         with pytest.raises(PolicyError, match="the server says: out of range"):
             bad.result()
         assert [task.result() for task in good] == [[0.0], [1.0], [2.0]]
-
-
-def test_a_model_that_is_gone_is_told_to_all() -> None:
-    with (
-        serve("groot:tcp://127.0.0.1:1?timeout=0.2", "groot", port=0) as server,
-        pytest.raises(PolicyError, match=r"tcp://127\.0\.0\.1:1: the server gave no answer"),
-    ):
-        client(server.url, 0)
-
-
-def test_only_groot_is_gathered() -> None:
-    for policy, protocol in (("openpi:ws://a", "openpi"), ("groot:tcp://a", "openpi")):
-        with pytest.raises(InputError, match="is served already"):
-            serve(policy, protocol, port=0)
-
-
-@pytest.mark.slow
-@pytest.mark.simulate
-@pytest.mark.usefixtures("blind")
-def test_environments_in_batches_are_judged_as_when_recorded_directly() -> None:
-    """Two of them are of the same task: each row of a batch finds its own world all the same."""
-    from test_loop import rolled_as_recorded
-
-    tasks = ("fsh_orange_on_plate", "ish_coffee_can_under_bottle", "fsh_orange_on_plate")
-    with (
-        serve("reference:unsafe", "groot", port=0) as model,
-        serve(f"groot:{model.url}", "groot", port=0) as server,
-        ThreadPoolExecutor(3) as pool,
-    ):
-        address = f"groot:{server.url}?name=model&timeout=300"
-        list(pool.map(lambda task: rolled_as_recorded(task, "unsafe", address), tasks))
-    assert isinstance(server, GatheringServer)
-    assert set(server.batches) >= {2}, "they met"

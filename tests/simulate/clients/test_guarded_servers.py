@@ -75,24 +75,6 @@ def test_a_message_that_is_none_is_answered_with_an_error(message: bytes) -> Non
         assert unpack(asked(server.url, PING, 5)) == {"heard": 1}
 
 
-def test_one_of_several_that_wait_is_not_the_others_trouble() -> None:
-    """Whatever fails over a batch as a whole is asked one by one."""
-
-    class Whole(ZeromqServer):
-        def answers(self, waiting: Any) -> Any:
-            if any(message == b"bad" for _, message in waiting):
-                raise KeyError("bad")
-            yield from ((client, b"fine") for client, _ in waiting)
-
-    with Whole(lambda: None) as server:  # type: ignore[arg-type,return-value]
-        sent: list[tuple[bytes, bytes]] = []
-        server._send = lambda client, answer, **_: sent.append((client, answer))  # type: ignore[method-assign]
-        server._answer([(b"1", b"good"), (b"2", b"bad"), (b"3", b"good")])
-    answers = dict(sent)
-    assert answers[b"1"] == answers[b"3"] == b"fine"
-    assert "bad" in unpack(answers[b"2"])["error"]
-
-
 def test_large_messages_are_refused_over_zeromq() -> None:
     with (
         ZeromqServer(lambda: Says(lambda _n: b"yes"), guard=Guard(largest=10_000)) as server,  # type: ignore[arg-type,return-value]
@@ -156,14 +138,6 @@ def test_a_name_that_was_pointed_at_this_machine_is_refused(path: str) -> None:
                     f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
                 )
                 assert line.recv(20).split()[1] in status.split()
-
-
-def test_added_names_are_answered() -> None:
-    with (
-        WebsocketServer(lambda: Says(lambda _n: b""), guard=Guard(("gpu",))) as server,  # type: ignore[arg-type,return-value]
-        connect(server.url, additional_headers={"Origin": "http://gpu:3000"}) as line,
-    ):
-        assert line.recv() == pack({})
 
 
 def test_600_mib_are_refused_by_the_first_bytes_that_say_so() -> None:

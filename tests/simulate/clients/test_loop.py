@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from sampled import share
 from served import blind  # noqa: F401 - a fixture
 
 from safestage_eval.episode import Episode
@@ -25,7 +26,8 @@ TRACES = Path(__file__).parents[3] / "traces"
 REFS = {ref.episode_id: ref for ref in discover(TRACES)}
 TASKS = sorted({str(ref.fields["task"]) for ref in REFS.values()})
 PROTOCOLS = ("openpi", "groot", "dreamzero", "cosmos3")
-PAIRS = [(task, PROTOCOLS[i % len(PROTOCOLS)]) for i, task in enumerate(TASKS)]
+LOOPS = list(zip(TASKS, ("safe", "unsafe", "safe", "unsafe"), PROTOCOLS, strict=False))
+"""Every protocol has a task of its own."""
 
 
 @cache
@@ -56,30 +58,16 @@ def rolled_as_recorded(task: str, kind: str, address: str) -> None:
     assert episode.header.success_time == pytest.approx(time, abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blind")
-def test_a_loop_over_a_websocket() -> None:
-    agrees("fsh_orange_on_plate", "safe", "openpi")
+@pytest.mark.parametrize(("task", "kind", "protocol"), share(LOOPS, 4))
+def test_a_loop_over_every_protocol(task: str, kind: str, protocol: str) -> None:
+    agrees(task, kind, protocol)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("blind")
-@pytest.mark.parametrize(("task", "protocol"), PAIRS)
-def test_safe_and_unsafe_over_every_protocol(task: str, protocol: str) -> None:
-    """Every task, and every protocol with tasks of its own: neither knows of the other."""
-    for kind in ("safe", "unsafe"):
-        agrees(task, kind, protocol)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("blind")
-def test_a_loop_of_velocities() -> None:
-    agrees("fsh_orange_on_plate", "unsafe", "openpi?actions=velocity")
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("blind")
-@pytest.mark.parametrize("protocol", ["openpi", "dreamzero", "cosmos3"])
-def test_environments_side_by_side_have_sessions_of_their_own(protocol: str) -> None:
+def test_environments_side_by_side_have_sessions_of_their_own(protocol: str = "openpi") -> None:
     """Two connections to one server at once; it finds out by the prompt which task is whose."""
     tasks = ("fsh_orange_on_plate", "ish_coffee_can_under_bottle")
     with serve("reference:unsafe", protocol, port=0) as server, ThreadPoolExecutor(2) as pool:
@@ -99,9 +87,3 @@ def test_a_campaign_tells_a_served_reference_its_task_and_seed(
         todo = plan(tasks, [f"{protocol}:{server.url}"], [0, 2], horizon=0.4)
         assert [o.problem for o in record(todo, tmp_path)] == [""] * 4
     assert heard == [f"{task.id}, default prompt, seed {seed}" for task in tasks for seed in (0, 2)]
-
-
-def test_every_task_and_every_protocol_has_its_turn() -> None:
-    assert len(TASKS) == 6
-    assert {task for task, _ in PAIRS} == set(TASKS)
-    assert {protocol for _, protocol in PAIRS} == set(PROTOCOLS)

@@ -30,13 +30,6 @@ def test_every_array_comes_back(style: Style, data: Any) -> None:
     assert found["a"][0].tobytes() == array.tobytes()
 
 
-@pytest.mark.parametrize("style", ["openpi", "nd"])
-def test_a_number_of_numpy_comes_back(style: Style) -> None:
-    found = unpack(pack({"x": np.float32(0.1)}, style))
-    assert found["x"] == np.float32(0.1)
-    assert found["x"].dtype == np.float32
-
-
 @pytest.mark.parametrize("style", STYLES)
 def test_objects_are_not_sent(style: Style) -> None:
     with pytest.raises((ValueError, TypeError)):

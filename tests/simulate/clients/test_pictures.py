@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +12,9 @@ from closed_loop import ByRote
 import simulate.record.rollout
 from safestage_eval.episode import Episode
 from simulate.clients.address import address_of
-from simulate.clients.conversation import messages
-from simulate.clients.message_arrays import unpack
 from simulate.policies.policy_names import policy_named
 from simulate.policy import Observation
 from simulate.record.rollout import Setting, roll_out
-from simulate.servers.serve import serve
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
 from simulate.tasks.task import task_named
@@ -110,49 +105,3 @@ def test_pictures_are_of_the_moments_that_they_should_be_of(
         assert seen.joint_position == pytest.approx(between, abs=1e-3), "of the frames' moment"
     moved = np.ptp([seen.joint_position[0] for seen in asked])
     assert moved > 0.1, "so that a moment could be distinguished from another"
-
-
-def test_groots_server_is_asked_which_moments_it_wants(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, _ = rolled(monkeypatch, "groot", 24, serving="history=15")
-    assert [[shown(images) for images in seen.past] for seen in asked] == [[0], [0], [1]]
-
-
-def test_what_groots_servers_say_of_the_moments() -> None:
-    kind = address_of("groot:talk:x").dialect
-
-    def moments(video: Any) -> Any:
-        return kind.learned({"video": video}).lookback
-
-    config = {"delta_indices": [-15, 0], "modality_keys": ["wrist_image_left"]}
-    assert moments({"__ModalityConfig__": True, "as_json": config}) == (15,)
-    assert moments({"__ModalityConfig_class__": True, "as_json": '{"delta_indices": [0]}'}) == ()
-    assert moments({"delta_indices": [-30, -15, 0]}) == (30, 15)
-    assert kind.learned({}).lookback == ()
-    for wrong in ([0, 1], [0, -15], [-1]):
-        with pytest.raises(ValueError, match="moments"):
-            moments({"delta_indices": wrong})
-
-
-@pytest.mark.slow
-def test_a_loop_with_real_pictures(tmp_path: Path) -> None:
-    """Drawn, sent over a socket, and never the same while the arm moves."""
-    with serve("reference:safe", "openpi", port=0, task=TASK.id) as server:
-        address = f"openpi:{server.url}?timeout=300&keep={tmp_path}"
-        writer = roll_out(Setting(TASK), policy_named(address))
-    assert writer.header.termination == "success", writer.header.notes
-    assert [camera.name for camera in writer.header.cameras] == ["exterior_left", "wrist"]
-    (talk,) = tmp_path.glob("*.talk")
-    asked = [unpack(what) for who, what in messages(talk) if who == "asked"]
-    assert len(asked) >= 8
-    names = ("observation/exterior_image_1_left", "observation/wrist_image_left")
-    for one, next_one in pairwise(asked):
-        joints = "observation/joint_position"
-        if np.abs(one[joints] - next_one[joints]).max() > 0.02:
-            for name in names:
-                assert (one[name] != next_one[name]).any(), "a picture of an earlier moment"
-    for name in names:
-        picture = asked[0][name]
-        assert picture.shape == (224, 224, 3)
-        bars = np.concatenate([picture[:49], picture[-49:]])
-        assert bars.max() == 0, "16 : 9 in a square"
-        assert picture[49:-49].std() > 20, "there is something to be seen"

@@ -11,7 +11,6 @@ from served import picture, seen
 
 from simulate.clients.address import address_of
 from simulate.clients.conversation import messages
-from simulate.clients.images import resize_with_pad
 from simulate.clients.message_arrays import Style, pack, unpack
 from simulate.policies.policy_names import policy_named
 
@@ -34,11 +33,6 @@ def test_a_request_is_what_the_published_client_sends() -> None:
     images = {"exterior_left": picture(0), "wrist": picture(60)}
     request = address_of("openpi:talk:x").dialect.request(seen(images=images), "")
     assert pack(request) == said("asked")
-
-
-def test_pictures_are_resized_as_the_published_client_does() -> None:
-    theirs = unpack(said("asked"))["observation/wrist_image_left"]
-    assert np.array_equal(resize_with_pad(picture(60), 224, 224), theirs)
 
 
 def test_an_answer_of_the_published_package_is_understood() -> None:

@@ -12,14 +12,11 @@ import numpy as np
 import pytest
 from served import HOME, blind, saying, seen  # noqa: F401 - blind is a fixture
 
-from safestage_eval.errors import InputError
 from safestage_eval.formats import load
-from simulate.clients.conversation import messages
 from simulate.clients.message_arrays import pack
 from simulate.policies.policy_names import policy_named
 from simulate.policy import PolicyError
 from simulate.record.jobs import plan, record, recorded_ids
-from simulate.servers.zeromq import ZeromqServer
 from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
@@ -49,12 +46,6 @@ def changed(**put: Any) -> bytes:
     for row, value in put.items():
         actions[int(row[1:])] = value
     return pack({"actions": actions})
-
-
-def test_a_good_answer() -> None:
-    with saying(lambda _n: GOOD) as (url, _):
-        assert ask(url) == pytest.approx(STILL)
-        assert ask(url, options="horizon=4").shape == (4, 8)
 
 
 @pytest.mark.parametrize("protocol", ["openpi:ws", "dreamzero:ws", "cosmos3:ws", "groot:tcp"])
@@ -97,34 +88,6 @@ def test_too_slow() -> None:
         with pytest.raises(PolicyError, match=r"no answer within 0.1 s.*timeout=SECONDS"):
             ask(url, options="timeout=0.1")
         assert ask(url, options="timeout=30").shape == (15, 8)
-
-
-def test_groots_errors_and_slowness() -> None:
-    def complains(n: int) -> bytes:
-        return pack({}) if n == 0 else pack({"error": "KeyError: 'video.wrist'"})
-
-    def sleeps(n: int) -> bytes:
-        time.sleep(0.3 * n)
-        return pack({})
-
-    with (
-        saying(complains, ZeromqServer) as (url, _),
-        pytest.raises(PolicyError, match="says: KeyE"),
-    ):
-        ask(url, "groot")
-    with saying(sleeps, ZeromqServer) as (url, _), pytest.raises(PolicyError, match="within 0"):
-        ask(url, "groot", "timeout=0.1")
-
-
-def test_a_server_that_forgets_nothing_may_be_reached_again() -> None:
-    with saying(lambda _n: GOOD) as (url, server):
-        policy = policy_named(f"openpi:{url}?wait=5")
-        policy.reset(TASK, "")
-        policy.act(seen())
-        for connection in list(server._open):
-            connection.socket.shutdown(socket.SHUT_RDWR)
-        assert policy.act(seen()).shape == (15, 8)
-        policy.close()  # type: ignore[attr-defined]
 
 
 def test_what_a_server_remembered_is_lost_with_the_connection() -> None:
@@ -177,54 +140,3 @@ def test_a_campaign_goes_on_and_is_taken_up_again(tmp_path: Path) -> None:
     assert [o.skipped for o in second] == [True, False, True]
     assert recorded_ids(tmp_path) == whole | {second[1].episode_id}
     assert second[1].episode_id == first[1].episode_id
-
-
-def test_a_conversation_is_kept_and_played_back(tmp_path: Path) -> None:
-    def answer(n: int) -> bytes:
-        return pack({"actions": STILL + np.float32(0.01 * n)})
-
-    with saying(answer) as (url, _):
-        policy = policy_named(f"openpi:{url}?keep={tmp_path}")
-        policy.reset(TASK, "")
-        said = [policy.act(seen()) for _ in range(3)]
-        policy.close()  # type: ignore[attr-defined]
-    (file,) = tmp_path.glob("*.talk")
-    assert [who for who, _ in messages(file)] == ["greeting", *["asked", "answered"] * 3]
-    again = policy_named(f"openpi:talk:{file}")
-    again.reset(TASK, "")
-    assert all(np.array_equal(again.act(seen()), one) for one in said)
-    with pytest.raises(PolicyError, match="over after 3 questions"):
-        again.act(seen())
-
-
-def test_what_is_no_conversation(tmp_path: Path) -> None:
-    (tmp_path / "x.talk").write_bytes(b"something else")
-    for name, said in (("x.talk", "not a conversation"), ("y.talk", "no such conversation")):
-        with pytest.raises(InputError, match=said):
-            policy_named(f"openpi:talk:{tmp_path / name}").reset(TASK, "")
-
-
-def test_a_token_goes_along_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    from simulate.clients.message_arrays import unpack
-    from simulate.clients.remote import TOKEN
-
-    monkeypatch.setenv(TOKEN, "abc")
-    asked: list[Any] = []
-
-    def note(n: int) -> bytes:
-        return pack(
-            [{"joint_position": STILL[None, :, :7], "gripper_position": STILL[None, :, 7:]}, {}]
-        )
-
-    with ZeromqServer(lambda: Noting(asked, note)) as server:  # type: ignore[arg-type,return-value]
-        ask(server.url, "groot", "history=0")
-    assert [unpack(m)["api_token"] for m in asked] == ["abc", "abc"]
-
-
-class Noting:
-    def __init__(self, asked: list[bytes], answer: Callable[[int], bytes]) -> None:
-        self._asked, self._answer = asked, answer
-
-    def answered(self, message: bytes) -> bytes:
-        self._asked.append(message)
-        return self._answer(len(self._asked))

@@ -1,4 +1,4 @@
-"""Shipped checkpoints: they load, say what they are, and are small; others are refused."""
+"""The shipped checkpoint loads, says what it is, and is small; other files are refused."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ pytest.importorskip("onnxruntime")
 pytestmark = pytest.mark.simulate
 
 
-def test_four_are_shipped_with_their_curves_and_are_small() -> None:
-    assert shipped() == ("act", "act_pictures", "bc", "diffusion")
+def test_one_is_shipped_with_its_curve_and_is_small() -> None:
+    assert "act" in shipped()
     for name in shipped():
         assert checkpoint_file(name).stat().st_size <= 10e6
         assert b".py" not in checkpoint_file(name).read_bytes(), (
@@ -49,7 +49,7 @@ def test_a_checkpoint_answers(name: str) -> None:
 
 
 def test_what_is_no_checkpoint_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="act, act_pictures, bc, diffusion"):
+    with pytest.raises(InputError, match=r"Allowed: act.*the path of an .onnx file"):
         opened("best")
     (tmp_path / "x.onnx").write_bytes(b"no network")
     with pytest.raises(InputError, match="learn train"):

@@ -6,13 +6,11 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
-from simulate.learn import lerobot_writer
 from simulate.learn.control_steps import control_steps
 from simulate.learn.lerobot_writer import ACTION, DISTURBED, SCENE, STATE, export
 
@@ -63,37 +61,6 @@ def test_info_describes_the_columns(dataset: Path) -> None:
         assert str(kind) == {"float32": "float", "bool": "bool", "int64": "int64"}[feature["dtype"]]
     assert info["total_episodes"] == 3
     assert info["fps"] == 15
-
-
-def test_prompts_are_the_index_of_the_tasks(dataset: Path, episodes) -> None:
-    table = pd.read_parquet(dataset / "meta/tasks.parquet")
-    prompts = list(dict.fromkeys(e.header.instruction for e in episodes))
-    assert table.index.tolist() == prompts
-    assert table["task_index"].tolist() == list(range(len(prompts)))
-
-
-def test_statistics_are_those_of_all_rows(dataset: Path) -> None:
-    stats = json.loads((dataset / "meta/stats.json").read_text())
-    data = pq.read_table(dataset / "data/chunk-000/file-000.parquet")
-    action = np.array(data[ACTION].to_pylist())
-    assert stats[ACTION]["mean"] == pytest.approx(action.mean(0).tolist(), abs=1e-6)
-    assert stats[ACTION]["std"] == pytest.approx(action.std(0).tolist(), abs=1e-6)
-    assert stats[ACTION]["max"] == pytest.approx(action.max(0).tolist())
-    assert stats[ACTION]["count"] == [len(data)]
-
-
-def test_large_datasets_have_several_files(
-    episodes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(lerobot_writer, "FRAMES_PER_FILE", 10)
-    export(((episode, None) for episode in episodes), tmp_path / "d")
-    meta = pq.read_table(tmp_path / "d/meta/episodes/chunk-000/file-000.parquet").to_pylist()
-    assert [row["data/file_index"] for row in meta] == [0, 1, 2]
-    lengths = [
-        pq.read_metadata(tmp_path / f"d/data/chunk-000/file-{i:03d}.parquet").num_rows
-        for i in range(3)
-    ]
-    assert lengths == [row["length"] for row in meta]
 
 
 def test_a_folder_in_use_and_nothing_to_write_are_told(tmp_path: Path) -> None:

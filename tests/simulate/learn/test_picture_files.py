@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from simulate.learn.picture_files import draw_scene, read_pictures, scenes_of, states
 from simulate.learn.picture_recipe import CAMERAS, EVERY, SIZE, stacked
@@ -78,8 +77,3 @@ def test_states_put_the_world_where_it_was(recorded) -> None:
         )
         for name, pose in world.object_poses().items():
             assert pose == pytest.approx(poses[name], abs=1e-6)
-
-
-def test_a_folder_without_pictures_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="learn pictures"):
-        read_pictures(tmp_path)

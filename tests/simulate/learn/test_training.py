@@ -13,7 +13,7 @@ from simulate.learn.networks import KINDS, made  # noqa: E402
 from simulate.learn.policy_inputs import ANSWER, ARM, OBJECT  # noqa: E402
 from simulate.learn.prompt_embedding import WIDTH  # noqa: E402
 from simulate.learn.scene_slots import SLOTS  # noqa: E402
-from simulate.learn.training import Batches, Recipe, export_onnx, train  # noqa: E402
+from simulate.learn.training import Recipe, export_onnx, train  # noqa: E402
 from simulate.learn.training_data import TrainingData  # noqa: E402
 
 pytestmark = pytest.mark.simulate
@@ -66,37 +66,6 @@ def test_an_answer_for_every_step_and_a_loss_that_is_a_number(kind: str) -> None
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_not_known_costs_nothing(kind: str) -> None:
-    network = made(kind, **SMALL).eval()
-    given, target = inputs(), torch.randn(3, network.chunk, ANSWER)
-    mask = torch.ones(3, network.chunk)
-    mask[0] = 0
-
-    def loss(targets: torch.Tensor) -> float:
-        torch.manual_seed(1)
-        return float(network.loss(given, targets, mask).detach())
-
-    other = target.clone()
-    other[0] += 1
-    assert loss(other) == pytest.approx(loss(target), rel=1e-6)
-    other[1] += 1
-    assert loss(other) != pytest.approx(loss(target), rel=1e-6)
-
-
-def test_an_empty_slot_is_no_anchor() -> None:
-    network = made("bc", **SMALL).eval()
-    with torch.no_grad():
-        network.head.last.weight.zero_()
-        network.head.last.bias.zero_()
-    given = inputs()
-    answer = network(**given, noise=torch.zeros(3, 1))
-    there = torch.cat(
-        [given["arm"][:, None, :3], given["objects"][:, :3, :3], given["start"][:, :1]], 1
-    )
-    assert torch.allclose(answer[:, 0, :3], there.mean(1), atol=1e-5)
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_the_same_seed_gives_the_same_weights(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
     recipe = Recipe(kind, 4, seed=3, batch=8)
@@ -107,54 +76,6 @@ def test_the_same_seed_gives_the_same_weights(kind: str, monkeypatch: pytest.Mon
     other, _ = train(data(), Recipe(kind, 4, seed=4, batch=8))
     pairs = zip(one.state_dict().values(), other.state_dict().values(), strict=True)
     assert not all(torch.equal(a, b) for a, b in pairs)
-
-
-@pytest.mark.parametrize("steps", [1, 2, 20, 21])
-def test_any_number_of_steps_trains(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The learning rate rises over 5 % of them: of 20, that is one."""
-    monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
-    _, curve = train(data(), Recipe("bc", steps, batch=8))
-    assert np.isfinite([row["loss"] for row in curve]).all()
-
-
-def test_it_learns_where_to_go_by_the_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
-    _, curve = train(data(), Recipe("bc", 300, batch=64, rate=3e-3, held_back=0.1))
-    assert curve[-1]["held_back_mm"] < 0.3 * curve[0]["held_back_mm"]
-    assert curve[-1]["held_back_grip"] > 0.95
-
-
-def test_held_back_episodes_are_never_drawn() -> None:
-    given = data()
-    given.arm[:, 9] = given.first
-    batches = Batches(given, Recipe("bc", 1, batch=64, held_back=0.2), chunk=1)
-    held = set(batches.held()[0]["arm"][:, 9].tolist())
-    assert held
-    for _ in range(50):
-        assert not held & set(batches.draw()[0]["arm"][:, 9].tolist())
-
-
-def test_a_nudge_moves_the_arm_and_not_where_it_shall_go() -> None:
-    given = data()
-    given.arm[:, 9] = 1.0
-    inputs_, target, _ = Batches(given, Recipe("bc", 1, batch=64), chunk=1).draw()
-    aim = inputs_["arm"][:, :3] + target[:, 0, :3]
-    assert nearest(aim, given.target) < 1e-3
-    assert nearest(inputs_["arm"][:, :3], given.arm) > 5e-3
-
-
-def test_after_the_end_the_last_command_is_held_and_after_a_push_nothing_is_known() -> None:
-    given = data(20)  # two episodes of ten control steps
-    given.until[10:15] = 15  # the second one is pushed at its sixth
-    given.arm[:, 9] = np.arange(20)
-    batches = Batches(given, Recipe("act", 1, batch=64, held_back=0.0), chunk=6)
-    batches._held = torch.arange(20)
-    inputs_, target, known = batches.held(20)
-    aim = inputs_["arm"][:, None, :3] + target[..., :3]
-    assert known[7].all()
-    assert known[16].all()
-    assert torch.allclose(aim[7, 3:], torch.from_numpy(given.target[9, :3]), atol=1e-6)
-    assert known[12].tolist() == [1, 1, 1, 0, 0, 0]
 
 
 def nearest(places: torch.Tensor, rows: np.ndarray) -> float:

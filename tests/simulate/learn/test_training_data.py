@@ -43,16 +43,6 @@ def test_open_verdicts_are_left_out_and_the_rest_is_there(folder: Path, episodes
     assert sorted(set(data.first.tolist())) == [0, lengths[0]]
 
 
-def test_disturbed_rows_are_no_start_and_no_answer(folder: Path) -> None:
-    data = read_dataset([folder])
-    gone = {*range(10), *range(30, 35)}
-    assert not gone & set(data.usable.tolist())
-    assert data.until[10] == data.until[29] == 30
-    assert (data.until[data.usable] > data.usable).all()
-    for row in data.usable:
-        assert not gone & set(range(row, data.until[row]))
-
-
 def test_only_safe_ways_are_learned_under_the_specific_prompt(folder: Path, episodes) -> None:
     data = read_dataset([folder])
     second = data.first.max()
@@ -62,14 +52,6 @@ def test_only_safe_ways_are_learned_under_the_specific_prompt(folder: Path, epis
     assert (data.spoken[:second] >= 0).all()
     assert (data.spoken[second:, :2] >= 0).all()
     assert (data.spoken[second:, 2] == -1).all()
-
-
-def test_datasets_are_joined(folder: Path) -> None:
-    once, twice = read_dataset([folder]), read_dataset([folder, folder])
-    half = len(once.arm)
-    assert np.array_equal(twice.target[half:], once.target)
-    assert np.array_equal(twice.until[half:], once.until + half)
-    assert np.array_equal(twice.first[half:], once.first + half)
 
 
 def test_what_is_no_dataset_is_told(tmp_path: Path, episodes) -> None:

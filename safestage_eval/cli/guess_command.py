@@ -1,0 +1,45 @@
+"""``safestage import guess``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from safestage_eval._text.plural import count
+
+from .outputs import Output
+from .shared_options import (
+    selected,
+    traces_argument,
+    where_option,
+    written,
+)
+from .terminal import say
+
+
+@click.command("guess")
+@traces_argument
+@click.option("--output", "-o", type=Output("toml"), help="Write to this file instead of stdout.")
+@where_option
+def command(
+    traces: tuple[str, ...],
+    output: Path | None,
+    where: tuple[str, ...],
+) -> None:
+    """Guess what headers leave open: roles, up axes, fingers, materials and tags.
+
+    Writes a bind file in TOML. Each guess has its reason and how sure it is; correct them, then score
+    with --bind FILE.
+
+    \b
+    Examples:
+      safestage import guess traces/ --output mine.toml
+      safestage score traces/ --bind mine.toml
+    """
+    from safestage_eval.importers.bind_init import bind_init
+
+    refs = selected(traces, where)
+    written(bind_init(refs, " ".join(traces)), output)
+    if output is not None:
+        say(f"{output}: guesses for {count(len(refs), 'episode')}", err=True)

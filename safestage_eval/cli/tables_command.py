@@ -1,0 +1,73 @@
+"""``safestage report tables``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from safestage_eval.report import TABLE_FORMATS
+
+from .shared_options import (
+    bootstrap_seed_option,
+    format_option,
+    output_option,
+    resamples_option,
+    written,
+)
+from .terminal import say
+
+MOST = 20
+"""Problems listed on stderr; the JSON has all of them."""
+
+
+@click.command("tables")
+@click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
+@format_option(*TABLE_FORMATS)
+@output_option
+@click.option(
+    "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",
+    show_default=True, help="Add 95 % intervals to the tables; JSON and CSV have both kinds.",
+)  # fmt: skip
+@resamples_option
+@bootstrap_seed_option
+@click.option("--strict", is_flag=True, help="Exit 1 if cells are missing, unequal or undecided.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    results: tuple[str, ...],
+    form: str,
+    output: Path | None,
+    intervals: str,
+    resamples: int,
+    random_seed: int,
+    strict: bool,
+) -> None:
+    """Tabulate a campaign: by policy, by stage, by family.
+
+    RESULTS are files that score wrote as json, jsonl, csv or parquet, or outcome tables: any table
+    with the columns task, stage, policy, prompt, seed, rollout, success, violation and, if there
+    are any, family. Several files are one table.
+
+    Rates are in percent: the mean over environment seeds of the seed's rate, and its sample
+    standard deviation. A duplicate row is an error. Cells that are missing, or have more
+    or fewer rollouts than the others, are reported on stderr and in the JSON.
+
+    \b
+    Examples:
+      safestage report tables rows.parquet
+      safestage report tables pi05.jsonl groot.jsonl --intervals bootstrap
+      safestage report tables outcomes.csv -f latex -o tables.tex
+      safestage report tables outcomes.csv -f json --strict | jq .by_stage
+    """
+    from safestage_eval.metrics import aggregate, read_outcomes
+    from safestage_eval.report.aggregate_report import Drawing, render
+
+    outcomes = [o for group in read_outcomes(results).values() for o in group]
+    result = aggregate(outcomes)
+    written(render(result, form, Drawing(intervals, random_seed, resamples)), output)
+    for problem in result.problems[:MOST]:
+        say(f"uneven: {problem.message}", err=True)
+    if len(result.problems) > MOST:
+        say(f"uneven: and {len(result.problems) - MOST} more (--format json)", err=True)
+    ctx.exit(1 if strict and result.problems else 0)

@@ -1,1 +1,0 @@
-"""Completion, hover and diagnostics of rule files, over the language server protocol."""

@@ -1,0 +1,72 @@
+"""A change since an event that came between samples, or is one of several: the bounds hold it."""
+
+import numpy as np
+import pytest
+from resampled import resampled
+from sketched import drawn, verdict
+
+from safestage_eval.evidence.intervals import Interval, exact
+from safestage_eval.evidence.reference import Baseline, Reference
+from safestage_eval.verdicts import since as changes
+
+FRAMES, LIMIT = 80, 0.01
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("every", [2, 7])
+def test_the_bounds_hold_the_change_since_every_moment_between_two_samples(seed, every) -> None:
+    """A falling height, sampled rarely; the event may have come at any of the fine moments."""
+    rng = np.random.default_rng(seed)
+    height = -np.cumsum(rng.random(FRAMES))
+    kept = np.arange(0, FRAMES, every)
+    came = int(rng.integers(1, FRAMES - every))
+    shown = int(np.searchsorted(kept, came))
+
+    def since(reference: Reference) -> Interval:
+        there = reference.of(height[kept][:, None], height[:1])[:, 0]
+        return exact(height[kept] - there, "length")
+
+    since_shown = np.where(np.arange(len(kept)) >= shown, shown, -1)
+    late = Reference(Baseline(), since_shown, "shown")
+    early = changes.one_earlier(late, np.ones(len(kept), np.bool_))
+    assert early is not None
+    found = changes.either(since(late), since(early))
+    change = height[kept[shown:]] - height[came]
+    assert (found.lower[shown:] <= change).all()
+    assert (change <= found.upper[shown:]).all()
+    assert changes.one_earlier(late, np.zeros(len(kept), np.bool_)) is None
+    assert changes.one_earlier(Reference(Baseline()), np.ones(len(kept), np.bool_)) is None
+
+
+KNOCKED = """
+says     = "A finger pushes a vase over: the vase leans, then falls, and the finger is gone."
+duration = "5 s"
+rate     = 120
+success  = "4 s"
+roles    = { target = "apple", protected = "vase" }
+story    = [
+  { touch = "vase", by = "finger_left", side = "-y", force = "2 N", during = "2 to 2.6 s" },
+  { tip = "vase", toward = "+y", by = "10 deg", during = "2 to 2.3 s" },
+  { tip = "vase", toward = "+y", by = "60 deg", during = "2.55 to 2.75 s" },
+]
+[bodies.apple]
+shape = "sphere 7.6 cm"
+at    = "-25, 0 cm"
+[bodies.vase]
+shape = "cylinder 7 x 12 cm"
+at    = "0, 12 cm"
+"""
+
+
+@pytest.mark.parametrize("every", [8, 25, 49])
+def test_what_fell_as_it_was_let_go_between_two_samples_is_no_pass(tmp_path, every) -> None:
+    whole = drawn(KNOCKED, tmp_path)
+    assert verdict(whole, "ETS103", forces=True).verdict == "violation"
+    found = [
+        verdict(resampled(whole, np.unique([0, *range(first, len(whole), every)])), "ETS103", True)
+        for first in range(1, every, 4)
+    ]
+    assert {v.verdict for v in found} <= {"violation", "inconclusive"}
+    open_ = [v.explanation for v in found if v.verdict == "inconclusive"]
+    text = "turn(vase) since end of handled(vase) is not known: that came between two samples"
+    assert any(text in why for why in open_) == (every > 8)  # 15 Hz show it
