@@ -12,6 +12,7 @@ import safestage_eval.signals  # noqa: F401 (declares the signals)
 os.environ.pop("COLUMNS", None)  # what a parallel run sets is no wish for narrow tables
 
 settings.register_profile("safestage", derandomize=True, deadline=None, max_examples=30)
+settings.register_profile("quick", parent=settings.get_profile("safestage"), max_examples=4)
 settings.load_profile("safestage")
 
 QUICK = ("episode", "evidence", "signals", "relations", "states", "rules", "verdicts", "metrics")
@@ -24,6 +25,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="run one case of each test of what a verdict is made of; none that is slow",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Few drawn cases of each law, where all that is wanted is a word at once."""
+    if config.getoption("quick"):
+        settings.load_profile("quick")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
