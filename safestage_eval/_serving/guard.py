@@ -21,7 +21,7 @@ A = TypeVar("A")
 
 LOOPBACK_NAMES = ("127.0.0.1", "localhost")
 LARGEST_MESSAGE = 64 << 20
-"""Bytes. A request of sixteen observations with four pictures of 360 x 640 has 45 MB."""
+"""Bytes. Sixteen observations with four pictures of 360 x 640 have 45 MB."""
 CALLERS = 64
 
 _HOST = re.compile(r"(\[[0-9A-Fa-f:.]{2,45}\]|[^\s:/@\[\]]{1,253})(?::(\d{1,5}))?", re.ASCII)

@@ -23,13 +23,6 @@ from .simulate_options import explains
     "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
 )
 @click.option("--task", help="Task to serve, where several tasks have the same prompt.")
-@click.option(
-    "--batch",
-    type=click.IntRange(1),
-    default=16,
-    show_default=True,
-    help="Number of observations per request, where POLICY is a served GR00T.",
-)
 @allow_host_option
 @click.option(
     "--max-message",
@@ -47,7 +40,6 @@ def serve(
     port: int | None,
     seed: int,
     task: str | None,
-    batch: int,
     allow_host: tuple[str, ...],
     largest: str,
 ) -> None:
@@ -57,9 +49,6 @@ def serve(
     these act in their own simulation with the client's task and seed, so that the client's rollout
     really succeeds. Your own my_module:MyPolicy receives the contents of each request.
 
-    POLICY may also be a GR00T that is served already. Then requests that wait for it are sent on
-    as one batch: serve its address, and point `record --jobs` at this server.
-
     Answers requests under loopback names and under the address itself, not under names that were
     pointed at it, and no web pages. Ends with 0 on Ctrl+C, and with 2 if it cannot go on.
 
@@ -68,14 +57,13 @@ def serve(
       safestage bench serve reference:safe --protocol openpi
       safestage bench record fsh_orange_on_plate --seeds 0 --policy openpi:ws://127.0.0.1:8000
       safestage bench serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
-      safestage bench serve groot:tcp://gpu:5555 --protocol groot --port 5556
     """
     from safestage_eval._serving.guard import Guard
     from safestage_eval.size_limits import size
     from simulate.servers.serve import serve as start
 
     with start(
-        policy, protocol, host=host, port=port, seed=seed, task=task, most=batch,
+        policy, protocol, host=host, port=port, seed=seed, task=task,
         guard=Guard(allow_host, size(largest)),
         tell=lambda line: say(f"episode: {line}", err=True),
     ) as server:  # fmt: skip

@@ -46,8 +46,6 @@ class Dialect(BaseModel, ABC):
     """s for an answer, unless the address says otherwise."""
     rows: ClassVar[int]
     """Actions that the published model answers with."""
-    batches: ClassVar[bool] = False
-    """Whether a request may hold several observations."""
     remembers: ClassVar[bool] = False
     """Whether the server keeps what it saw, so that a broken connection ends the rollout."""
     bearer: ClassVar[str] = "Bearer"

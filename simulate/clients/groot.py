@@ -38,7 +38,6 @@ class Groot(Dialect):
     schemes: ClassVar[tuple[str, ...]] = ("tcp",)
     port: ClassVar[int] = 5555
     rows: ClassVar[int] = 40
-    batches: ClassVar[bool] = True
 
     horizon: int = Field(8, ge=1)
     keys: Literal["flat", "nested"] = "flat"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +22,6 @@ F64 = NDArray[np.float64]
 
 ASTRAY = 1e-2
 """rad that a joint may differ from what was expected of it."""
-
-
-class Episode(Protocol):
-    """A served policy's part in one episode."""
-
-    def answer(self, observation: Observation, play: int, rows: int) -> F64:
-        """(rows, 8) actions, of which ``play`` will be played. Raises ValueError or InputError."""
-        ...
-
-
-"""Begins an episode with its first observation."""
 
 
 class Shadow:
@@ -66,17 +54,17 @@ class Shadow:
         self._instruction, self._steps = observation.instruction, 0
         self._chunk: list[F64] = []
 
-    def off(self, observation: Observation) -> float:
-        """Distance of an observation from this world's state: rad, and opening of the gripper."""
-        if observation.instruction != self._instruction:
-            return float("inf")
-        joints = np.abs(observation.joint_position - self._world.arm_position).max()
-        return float(joints + abs(observation.gripper_opening - self._world.gripper_opening))
-
     def fits(self, observation: Observation) -> bool:
         """Whether an observation matches this world's state."""
         off = np.abs(observation.joint_position - self._world.arm_position).max()
         return observation.instruction == self._instruction and bool(off <= ASTRAY)
+
+    def is_over(self, observation: Observation) -> bool:
+        """Whether an observation begins another episode: another prompt, or the arm at home again."""
+        if observation.instruction != self._instruction:
+            return True
+        home = np.abs(observation.joint_position - droid.HOME).max() <= ASTRAY
+        return bool(home) and not self.fits(observation)
 
     def answer(self, observation: Observation, play: int, rows: int) -> F64:
         """The actions of the next ``play`` control steps, the last one again up to ``rows``."""
@@ -119,13 +107,9 @@ class Direct:
         self._policy = policy_named(policy)
         self._policy.reset("", observation.instruction)
 
-    def off(self, observation: Observation) -> float:  # noqa: ARG002
-        """Nothing is."""
-        return 0.0
-
-    def fits(self, observation: Observation) -> bool:  # noqa: ARG002
-        """Anything does."""
-        return True
+    def is_over(self, observation: Observation) -> bool:  # noqa: ARG002
+        """Never: only a reset or another session begins a new one."""
+        return False
 
     def answer(self, observation: Observation, play: int, rows: int) -> F64:  # noqa: ARG002
         """The policy's actions."""
@@ -136,11 +120,6 @@ def is_own(policy: str) -> bool:
     """Whether a policy is a user's own, by import path."""
     kind, _, rest = policy.partition(":")
     return rest.isidentifier() and kind not in BUILT_IN
-
-
-def at_home(observation: Observation) -> bool:
-    """Whether the arm is at its initial pose."""
-    return bool(np.abs(observation.joint_position - droid.HOME).max() <= ASTRAY)
 
 
 def _setting_of(instruction: str, task: str | None) -> tuple[Task, str]:

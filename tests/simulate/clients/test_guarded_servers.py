@@ -102,7 +102,7 @@ def test_callers_without_end_have_no_desks_without_end() -> None:
 def test_a_loop_that_breaks_ends_the_command_with_two() -> None:
     code = (
         "import sys, simulate.servers.zeromq as z\n"
-        "z.Router._received = lambda self: 1 / 0\n"
+        "z.ZeromqServer._serve = lambda self: 1 / 0\n"
         "sys.argv = ['safestage', 'serve', 'idle', '--protocol', 'groot', '--port', '0']\n"
         "from safestage_eval.cli import main; main()\n"
     )
