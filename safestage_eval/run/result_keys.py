@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from safestage_eval.errors import TraceError
 from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.checksum import crc32
 from safestage_eval.formats.parquet.dataset_layout import TABLE_FOLDERS
 from safestage_eval.formats.parquet.episodes_table import read_rows
 from safestage_eval.formats.remote_path import RemotePath
@@ -85,7 +85,7 @@ def _checksum(path: Path) -> str:
     crc = size = 0
     with path.open("rb") as stream:
         while part := stream.read(1 << 20):
-            crc, size = zlib.crc32(part, crc), size + len(part)
+            crc, size = crc32(part, crc), size + len(part)
     return f"{crc:08x} {size}"
 
 
