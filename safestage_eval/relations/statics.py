@@ -156,8 +156,9 @@ def unbalanced(edges: F64, weight: F64) -> F64:
     the best sum then pushes at least one of them, or what is left would not have become less.
     """
     every, first = edges.reshape(-1, len(weight)), np.arange(len(edges)) * CONE_SIDES
-    used, force, rest = np.zeros(0, np.int64), np.zeros(0), weight
-    enough = TOLERANCE * np.sqrt(weight @ weight)
+    used: I64 = np.zeros(0, np.int64)
+    force: F64 = np.zeros(0)
+    rest, enough = weight, TOLERANCE * np.sqrt(weight @ weight)
     for _ in range(ROUNDS if edges.size else 0):
         gain = every @ rest
         gain[used] = 0.0
