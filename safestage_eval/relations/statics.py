@@ -171,7 +171,7 @@ def unbalanced(edges: F64, weight: F64) -> F64:
             some = every[used]
             square = some @ some.T
             square.flat[:: len(used) + 1] += ALIKE  # edges may be sums of others
-            wanted = np.linalg.solve(square, some @ weight)
+            wanted: F64 = np.asarray(np.linalg.solve(square, some @ weight), np.float64)
             pulls = np.flatnonzero(wanted <= 0)
             if not len(pulls):
                 force = wanted
