@@ -15,8 +15,8 @@ KEPT, LARGE = 64 << 20, 16 << 20
 """Bytes of free memory that are kept; bytes from which on an array is mapped by itself."""
 AIM = 230 << 20
 """Bytes that a process should hold at most, free ones included; more where an episode takes more."""
-STEP = 12 << 20
-"""Bytes by which it has to grow before free memory is looked for once more."""
+EVERY = 16
+"""Episodes between two times that free memory is handed back: the next one asks for it again, page by page."""
 
 
 def keep() -> None:
@@ -38,36 +38,25 @@ class Bound:
     Episodes end in reference cycles, of few objects and many megabytes, which Python collects seldom;
     Arrow keeps what it frees; and what is free lies between what is used, so that it grows beyond what
     ``KEPT`` says. Together that was 1.5 MB an episode.
-
-    Cycles are collected after each episode. Free memory is handed back only where more of it has
-    gathered than an episode was seen to take: the next one would ask for it again, page by page.
     """
 
     def __init__(self, aim: int = AIM) -> None:
         """``aim``: bytes."""
-        self._aim = self._beyond = aim
+        self._aim, self._since = aim, EVERY
         self._trim = _function("malloc_trim")
-        self._left: int | None = None
-        """Bytes held when memory was last handed back; None once the next episode was measured by it."""
-        self._taken = 0
-        """Bytes that an episode takes at the most, as measured so."""
 
     def hold(self) -> bool:
-        """After an episode: whether free memory was looked for and handed back."""
-        held = resident(os.getpid())
-        if self._trim is None or held <= self._aim:
+        """After an episode: collect cycles where much is held; whether free memory was handed back, too."""
+        self._since += 1
+        if self._trim is None or resident(os.getpid()) <= self._aim:
             return False
         gc.collect()
-        if self._left is not None:
-            self._taken = max(self._taken, held - self._left)
-            self._beyond, self._left = max(self._aim, self._left + self._taken + STEP), None
-        if held <= self._beyond:
+        if self._since <= EVERY:
             return False
+        self._since = 0
         if "pyarrow" in sys.modules:
             sys.modules["pyarrow"].default_memory_pool().release_unused()
         self._trim(0)
-        self._left = resident(os.getpid())
-        self._beyond = max(self._aim, self._left + self._taken + STEP)
         return True
 
 

@@ -6,11 +6,10 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from safestage_eval._process.spawned import WORTH_A_POOL
+from safestage_eval._process.children import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
 from safestage_eval.formats.episode_filter import Selection
@@ -97,13 +96,12 @@ def audit(
         RuleErrors, RuleError: rules or a bind file that do not mean anything.
     """
     from safestage_eval.rules import builtin_names
-    from safestage_eval.run.pool import with_workers
 
     checks = choose(select, ignore)
     specs = list(rules) or builtin_names()
     settings = load_settings(specs, bind=bind, assign=assign, roles=roles, protect=protect)
     chosen = Selection(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
-    refs = [*with_workers(chosen, jobs)]
+    refs = [*chosen]
     episodes = audit_many(refs, checks, settings, jobs=jobs, progress=progress)
     audited = [one for one in episodes if isinstance(one, Audited)]
     problems = tuple(one for one in episodes if isinstance(one, Problem))
@@ -154,10 +152,10 @@ def audit_many(
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
         from safestage_eval.run.pool import Local
 
-        from .audit_worker import work
+        from .audit_worker import opened
 
-        audits = partial(work, codes=tuple(check.code for check in checks))
-        with Local(workers, settings, work=audits) as engine:
+        codes = tuple(check.code for check in checks)
+        with Local(workers, settings, codes, opened=opened) as engine:
             for number, one in engine.run(enumerate(refs)):
                 note(number, one)
     else:

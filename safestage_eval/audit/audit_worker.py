@@ -1,23 +1,19 @@
-"""A process that audits what it is sent, one episode after the other."""
+"""What a worker process does in an audit: it audits the episodes that it is sent, one after the other."""
 
 from __future__ import annotations
 
-from multiprocessing.connection import Connection
+from collections.abc import Callable
+from typing import Any
 
+from safestage_eval.formats import EpisodeRef
 from safestage_eval.run.settings import Settings
-from safestage_eval.run.worker import serve
+from safestage_eval.run.worker import lasting
 
 from .audit_check import choose
 from .audit_episode import audit_episode
 
 
-def work(pipe: Connection, settings: Settings, *, codes: tuple[str, ...], **_: object) -> None:
-    """Audit lists of episodes until None comes; answers in the order of the questions.
-
-    Args:
-        pipe: to the process that started this one.
-        settings: of the run: rules and bind file.
-        codes: of the checks to be carried out.
-    """
+def opened(settings: Settings, codes: tuple[str, ...]) -> Callable[[EpisodeRef], Any]:
+    """What audits an episode by the checks with these codes."""
     checks, rules = choose(codes), settings.rule_set
-    serve(pipe, lambda ref: audit_episode(ref, checks, rules, settings.bind))
+    return lasting(lambda ref: audit_episode(ref, checks, rules, settings.bind))

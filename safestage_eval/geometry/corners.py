@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-FEW = 32
+FEW = 256
 """Corners of a hull up to which all are compared; larger hulls are searched."""
 
 CELLS = 16

@@ -22,11 +22,15 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Raises:
         InputError: there is no such file, it has another ending, or no mesh can be read from it.
     """
-    import trimesh
-
     kind = path.suffix.lower()
     if kind not in SHAPES or not path.is_file():
         raise InputError(str(path), "is no mesh file.", f"a file that ends in {', '.join(SHAPES)}")
+    try:
+        import trimesh
+    except ImportError:
+        raise InputError(
+            str(path), "is a mesh file, which trimesh reads.", fix="pip install 'safestage[import]'"
+        ) from None
     # of a path or an open file, trimesh would open whatever it names
     data, beside = BytesIO(path.read_bytes()), _Beside(path.parent)
     try:

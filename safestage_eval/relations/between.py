@@ -13,9 +13,9 @@ from safestage_eval.evidence.contact_sums import ONE_STEP
 from safestage_eval.evidence.intervals import Interval
 from safestage_eval.evidence.missing_values import TWIST
 from safestage_eval.evidence.motion import derived
-from safestage_eval.geometry.group_clearance import motion_bound
+from safestage_eval.geometry.group_clearance import clearance_series, motion_bound
 
-from .proximity import TOUCH
+from .proximity import SLACK, TOUCH
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.measure import Signals
@@ -36,8 +36,7 @@ def may_meet(signals: Signals, i: int, j: int) -> Bool:
         return np.ones(len(signals.episode), np.bool_)
     if len(signals.movers.of(names)) < len(names):
         return np.zeros(len(signals.episode), np.bool_)
-    at_start = signals.get("clearance", names, reach=3 * TOUCH).lower[:1] <= TOUCH
-    return np.append(at_start, _near(signals, names[0], names[1], TOUCH))
+    return _near(signals, names[0], names[1], TOUCH)
 
 
 def may_touch_between(relations: Support, a: str, b: str, where: Bool) -> Bool:
@@ -60,7 +59,7 @@ def may_touch_between(relations: Support, a: str, b: str, where: Bool) -> Bool:
     for one in shaped[0]:
         for other in shaped[1]:
             if one != other:
-                out[:-1] |= where[:-1] & _near(relations.signals, one, other)
+                out[:-1] |= where[:-1] & _near(relations.signals, one, other)[1:]
     return out
 
 
@@ -105,7 +104,7 @@ def with_missed_peaks(relations: Support, bodies: Sequence[str], recorded: Inter
 
 
 def _near(signals: Signals, a: str, b: str, touch: float = 0.0) -> Bool:
-    """(T − 1,) of two bodies with shapes, after each sample but the last.
+    """(T,) of two bodies with shapes: at the first sample, and after each sample but the last.
 
     If they are d and e apart at two samples and their distance changes by m at most on the way, they
     come no nearer than (d + e − m) / 2. m is the way from pose to pose, or that of the recorded
@@ -114,12 +113,21 @@ def _near(signals: Signals, a: str, b: str, touch: float = 0.0) -> Bool:
     """
     way = motion_bound(signals.movers[a], signals.movers[b])
     way = np.maximum(way, _travel(signals, a) + _travel(signals, b))
-    reach = float(way.max(initial=0.0)) + 3 * touch
+    most = way + 2 * touch
+    reach = float(most.max(initial=0.0)) + touch
     if reach <= 0:
-        return np.zeros(len(way), np.bool_)
-    apart = signals.get("clearance", (a, b), reach=reach).lower
+        return np.zeros(len(way) + 1, np.bool_)
+    found = signals.measured("clearance", (a, b), None, reach, False, SLACK, ())
+    apart, upper = found.lower.copy(), found.upper
+    start = apart[:1] <= touch  # slack is taken from later frames only
+    open_ = (apart[:-1] + apart[1:] <= most) & (upper[:-1] + upper[1:] > most)
+    rows = np.append(open_, False) | np.append(False, open_)
+    rows = np.flatnonzero(rows & np.isfinite(apart))
+    if len(rows):
+        one, other = (signals.movers[name].at(rows) for name in (a, b))
+        apart[rows] = clearance_series([one], [other], reach).lower
     apart = apart if touch else np.maximum(apart, 0.0)
-    return ((way > 0) | (touch > 0)) & (apart[:-1] + apart[1:] <= way + 2 * touch)
+    return np.append(start, ((way > 0) | (touch > 0)) & (apart[:-1] + apart[1:] <= most))
 
 
 def _travel(signals: Signals, name: str) -> F64:

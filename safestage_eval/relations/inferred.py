@@ -137,10 +137,12 @@ class Inferred(World):
 
     def met(self, body: int) -> list[int]:
         """See ``World``."""
-        if self.most or body != self._hand:
+        if self.most:
             return super().met(body)
-        others = (i for i in self._solid if i != body and self.held(i).any())
-        return sorted({*self.beside(body), *others})
+        # whether they ever did is not asked here: of most it does not matter, and it is costly
+        bodies, hand = self.episode.header.bodies, self._hand
+        seen = (i for i in self._solid if body == hand or i != hand or bodies[i].geoms)
+        return [i for i in seen if i != body]
 
     def bears(self, bearer: int, borne: int) -> Bool:
         """See ``World``."""

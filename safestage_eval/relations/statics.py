@@ -27,6 +27,10 @@ CONE_SIDES = 16
 """Edges of the pyramid that stands for a friction cone: within 2 % of its friction."""
 TOLERANCE = 1e-6
 """Share of the total weight: forces that improve the balance by less are not looked for."""
+ALIKE = 1e-12
+"""What keeps the forces on edges of length 1 apart that do the same."""
+ROUNDS = 1000
+"""Times that edges may join: rounding could otherwise go on for ever."""
 PUSHES = 0.02 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Shares of g along x and y: what falls as soon as the ground tilts by 1.1° falls. An equilibrium
 that needs every contact to give its utmost exists on paper only. What is in balance under all of them
@@ -146,24 +150,36 @@ def islands(pile: Pile, kept: Bool, bodies: Bool) -> list[Bool]:
 def unbalanced(edges: F64, weight: F64) -> F64:
     """(R,) the least that non-negative sums of edges (C, CONE_SIDES, R) leave of a weight (R,).
 
-    Few edges bear anything. So only those are tried that bore something before, and of each cone the
-    one that takes most of what is left, until none takes any.
+    The active-set method of Lawson & Hanson 1974, "Solving least squares problems", ch. 23: few edges
+    bear anything, so sums of these alone are taken. Of each cone the edge joins that takes most of
+    what is left, until none takes any; an edge that would have to pull leaves. All may join at once:
+    the best sum then pushes at least one of them, or what is left would not have become less.
     """
-    from scipy.optimize import nnls  # importing it takes as long as judging ten episodes
-
-    if not edges.size:
-        return weight
     every, first = edges.reshape(-1, len(weight)), np.arange(len(edges)) * CONE_SIDES
-    used, rest = np.zeros(0, np.int64), weight
-    enough = TOLERANCE * np.sqrt(weight @ weight)
-    while True:
+    used: I64 = np.zeros(0, np.int64)
+    force: F64 = np.zeros(0)
+    rest, enough = weight, TOLERANCE * np.sqrt(weight @ weight)
+    for _ in range(ROUNDS if edges.size else 0):
         gain = every @ rest
         gain[used] = 0.0
         best = first + gain.reshape(-1, CONE_SIDES).argmax(axis=1)
         more = best[gain[best] > enough]
         if not len(more):
-            return rest
-        used = np.concatenate([used, more])
-        tried = every[used]
-        force, _ = nnls(tried.T, weight, maxiter=100 * len(used))
-        rest, used = weight - force @ tried, used[force > 0]
+            break
+        used, force = np.append(used, more), np.append(force, np.zeros(len(more)))
+        while len(used):
+            some = every[used]
+            square = some @ some.T
+            square.flat[:: len(used) + 1] += ALIKE  # edges may be sums of others
+            wanted: F64 = np.asarray(np.linalg.solve(square, some @ weight), np.float64)
+            pulls = np.flatnonzero(wanted <= 0)
+            if not len(pulls):
+                force = wanted
+                break
+            share = force[pulls] / np.maximum(force[pulls] - wanted[pulls], 1e-300)
+            force = force + share.min() * (wanted - force)
+            stays = np.ones(len(used), np.bool_)
+            stays[pulls[share <= share.min()]] = False
+            used, force = used[stays], np.maximum(force[stays], 0.0)
+        rest = weight - force @ every[used]
+    return rest

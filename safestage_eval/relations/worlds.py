@@ -117,7 +117,7 @@ class World:
     # ---- over time
 
     def met(self, body: int) -> list[int]:
-        """All that a body ever touched, between frames too."""
+        """All that a body may ever have touched, between frames too; ``touching`` tells when."""
         if not self.most or (self.complete and self.facts.signals.gaps.unseen is None):
             return self.beside(body)
         return [

@@ -19,9 +19,8 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
-from .engine_interface import Line, Numbered
-from .pool import Local
-from .result_parts import write
+from .pool import Local, Numbered
+from .result_parts import Line, write
 from .settings import Settings
 
 FIRST, MOST = 4, 64
@@ -164,7 +163,7 @@ def _judge_chunk(refs: list[EpisodeRef], keys: list[str], settings: Settings, fo
     """Runs in a process of the cluster."""
     if not _kept or _kept[0][0] != settings:
         for _, old in _kept:
-            old.__exit__(None, None, None)
+            old.close()
         _kept[:] = [(settings, Local(1, settings, lines=True))]
     results: list[tuple[int, Line]] = []
     problems = []

@@ -23,8 +23,6 @@ import zstandard
 from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import write_bytes
 
-from .engine_interface import Line
-
 FORMAT = 1
 ENDING = ".results"
 _OPEN = 8
@@ -33,6 +31,14 @@ _SUM = 8
 """Characters of the checksum that a part begins with."""
 _LARGEST = 1 << 30
 """Bytes that a part may unfold to."""
+
+
+class Line(NamedTuple):
+    """A result as it is stored, and by what it is known again."""
+
+    text: bytes
+    episode_id: str
+    trace_hash: str
 
 
 class Entry(NamedTuple):

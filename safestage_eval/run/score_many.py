@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from safestage_eval._process.spawned import WORTH_A_POOL
+from safestage_eval._process.children import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.verdicts.problem import Problem

@@ -22,9 +22,8 @@ from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match
-from .engine_interface import Line, Numbered
 from .gates import Gates
-from .result_parts import Parts
+from .result_parts import Line, Parts
 from .score_many import score_many
 from .scores import Scores, deduplicate, taken, titles
 from .settings import Settings
@@ -32,6 +31,7 @@ from .stored_results import StoredResults
 from .stratified_sample import sample
 
 if TYPE_CHECKING:
+    from .pool import Numbered
     from .result_keys import Keys
 
 IN_MEMORY = 1000
@@ -39,9 +39,6 @@ IN_MEMORY = 1000
 
 PART_RESULTS, PART_BYTES, PART_TIME = 64, 1 << 21, 10.0
 """Results, bytes and s of waiting after which a part is written."""
-
-HEADERS = "headers"
-"""File of checksums of traces and digests of headers, beside the parts."""
 
 Tell = Callable[[int, int | None], None]
 
@@ -99,7 +96,7 @@ def score_traces(
         refs, note = iter(picked.refs), picked.told
     held = None
     if choice.resume is None and choice.engine == "local":
-        first = list(_met(islice(refs, IN_MEMORY + 1), choice.jobs))
+        first = list(islice(refs, IN_MEMORY + 1))
         refs = chain(first, refs)
         held = first if len(first) <= IN_MEMORY else None
     if held is not None:
@@ -110,15 +107,6 @@ def score_traces(
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
     return replace(scores, sample=note, aborted=tuple(left_out), gates=Gates.of(settings.rules))
-
-
-def _met(refs: Iterable[EpisodeRef], jobs: int | None) -> Iterable[EpisodeRef]:
-    """The same; workers get ready meanwhile if there will be any."""
-    if jobs == 1:
-        return refs
-    from .pool import with_workers
-
-    return with_workers(refs, jobs)
 
 
 def _in_memory(
@@ -146,7 +134,7 @@ def _on_disk(
         if choice.resume is not None:  # else nobody asks
             from .result_keys import Keys
 
-            keys = Keys(settings, place / HEADERS)
+            keys = Keys(settings)
         ledger = _Ledger(Parts(place / "parts"), keys, progress, folder)
         if choice.engine == "ray":
             from .ray_cluster import judge

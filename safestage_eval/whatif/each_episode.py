@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from typing import Any, TypeVar
 
-from safestage_eval._process.spawned import WORTH_A_POOL
+from safestage_eval._process.children import WORTH_A_POOL
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem

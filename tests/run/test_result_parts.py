@@ -1,7 +1,6 @@
 """Parts: what was written is found, what was damaged is not there, and folders may be shared."""
 
-from safestage_eval.run.engine_interface import Line
-from safestage_eval.run.result_parts import Parts
+from safestage_eval.run.result_parts import Line, Parts
 
 
 def key(number):

@@ -1,4 +1,4 @@
-"""Worker processes: forked from one that has loaded libraries where that works, else spawned."""
+"""Worker processes: forked from one that has loaded libraries where that works, else children."""
 
 import os
 import subprocess
@@ -7,28 +7,25 @@ from multiprocessing.context import SpawnContext
 
 import pytest
 
-from safestage_eval._process import spawned
+from safestage_eval._process import children
 
 
-@pytest.mark.skipif(not spawned.FORKS, reason="processes are always spawned here")
+@pytest.mark.skipif(not children.FORKS, reason="processes are always spawned here")
 def test_a_long_temporary_folder_has_no_room_for_the_socket(monkeypatch):
-    assert not isinstance(spawned._context("json"), SpawnContext)
+    assert not isinstance(children._context("json"), SpawnContext)
     folder = "/tmp/" + "x" * 90
-    monkeypatch.setattr(spawned, "get_temp_dir", lambda: folder)
-    assert isinstance(spawned._context("json"), SpawnContext)
-    spawned.prepare("json")  # starts nothing, and does not fail
+    monkeypatch.setattr(children, "get_temp_dir", lambda: folder)
+    assert isinstance(children._context("json"), SpawnContext)
 
 
 FORKED = """
 import os, sys
-from safestage_eval._process import spawned
-def answer(pipe):
-    pipe.send(os.getpid())
+from safestage_eval._process.children import Children, Question
+def opened():
+    return lambda _: os.getpid()
 def ask():
-    child = spawned.Spawned.start(answer, preload="json")
-    asked = child.pipe.recv()
-    child.end(5.0)
-    return asked
+    with Children(1, opened, preload="json") as children:
+        return children.ask(Question(None))
 if __name__ == "__main__":
     assert ask()
     pid = os.fork()
@@ -38,7 +35,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(not spawned.FORKS, reason="processes are always spawned here")
+@pytest.mark.skipif(not children.FORKS, reason="processes are always spawned here")
 def test_a_process_forked_after_others_were_started_starts_its_own(tmp_path):
     script = tmp_path / "forked.py"
     script.write_text(FORKED, encoding="utf-8")
