@@ -15,6 +15,8 @@ from safestage_eval.audit.audit_check import CODES
 INTRODUCTION = """\
 # Is my evaluation sound?
 
+<!-- Written by `make audit-docs` from the checks; changes belong there. -->
+
 ```
 safestage audit traces/                        everything below
 safestage audit traces/ --rules mine.toml      with your own rules

@@ -13,6 +13,7 @@ from safestage_eval.cli import COMMANDS, FROM_SIMULATE, group
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "cli.md").read_text("utf-8")
+SHOWN = TEXT + (ROOT / "docs" / "what_if.md").read_text("utf-8")
 
 
 sys.path.insert(0, str(ROOT / "docs" / "site"))
@@ -92,7 +93,7 @@ def test_every_command_is_described():
 
 
 @pytest.mark.parametrize(
-    ("line", "shown"), re.findall(r"^```\n\$ safestage (.*)\n([^`]*)```", TEXT, re.MULTILINE)
+    ("line", "shown"), re.findall(r"^```\n\$ safestage (.*)\n([^`]*)```", SHOWN, re.MULTILINE)
 )
 def test_what_the_page_shows_is_what_comes(line, shown, monkeypatch):
     monkeypatch.chdir(ROOT)
