@@ -1,7 +1,7 @@
 """Counts the words of the documentation as ``wc -w`` does, those written by hand and those generated apart.
 
-    python docs/count_words.py          # both totals
-    python docs/count_words.py --pages  # each page, the longest first
+python docs/count_words.py          # both totals
+python docs/count_words.py --pages  # each page, the longest first
 """
 
 from __future__ import annotations
