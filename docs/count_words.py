@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
-WHOLE = re.compile(r"\b[Ww]ritten (by|from) |This page is made by ")
+WHOLE = re.compile(r"\b[Ww]ritten (by|from) |page is made by ")
 """In a page's first lines: all of it comes from a program."""
 
 PART = re.compile(r"<!-- (?!end)[^>]*-->(.*?)<!-- end", re.DOTALL)
