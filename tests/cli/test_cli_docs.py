@@ -3,6 +3,7 @@
 import re
 import shlex
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import click
@@ -10,6 +11,7 @@ import pytest
 from studio import run
 
 from safestage_eval.cli import COMMANDS, FROM_SIMULATE, group
+from safestage_eval.size_limits import Limits
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "cli.md").read_text("utf-8")
@@ -98,3 +100,8 @@ def test_every_command_is_described():
 def test_what_the_page_shows_is_what_comes(line, shown, monkeypatch):
     monkeypatch.chdir(ROOT)
     assert shown in run(*shlex.split(line)).text
+
+
+def test_every_limit_is_described():
+    rows = re.findall(r"^\| `(\w+)` \| [\d,]+ \| \S", REFERENCE.split("\n## Limits\n")[1], re.M)
+    assert rows == [field.name for field in fields(Limits)]
