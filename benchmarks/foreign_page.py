@@ -6,10 +6,8 @@ import io
 import re
 import subprocess
 import sys
-import tomllib
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,13 +21,6 @@ SETS = {
     "robosuite": ("robosuite 1.5.2", "robosuite", "a script"),
 }
 """Folder → the simulator, its bind file, the policy."""
-
-BINDS = Path(__file__).parents[1] / "rules" / "bind"
-
-SELECTION = """This selection was made after verdicts had been seen. FSH101 to FSH103 ask how a thing was put down; they are left out where the
-simulator's success comes with the thing still between the fingers, or held in a hole or on a peg. FSH101 and FSH102 are left out
-where one thing is stacked on another. Tasks of buttons, doors, drawers, levers, windows and dials, `reach` and `plate-slide` move
-only joints of the scene. So rates of different groups do not compare, and no rate is evidence for the rules left out."""
 
 NOTES = Path(__file__).with_name("foreign_notes.md")
 """Notes on the pictures that were looked at, written by hand."""
@@ -49,8 +40,7 @@ def write_page(folder: Path, page: Path) -> None:
         found.append(rows[rows.assigned & (rows.verdict == "violation")].assign(set=title))
     every, violations = pd.concat(episodes), pd.concat(found)
     parts += [
-        _rates(every), _judged(every), _found(violations), _moved(violations), _undecided(every),
-        NOTES.read_text().rstrip(),
+        _rates(every), _moved(violations), _undecided(every), NOTES.read_text().rstrip(),
     ]  # fmt: skip
     page.write_text("\n\n".join(parts) + "\n")
 
@@ -71,17 +61,17 @@ def _score(folder: Path, bind: str) -> tuple[pd.DataFrame, dict[str, str]]:
 
 
 def _head() -> str:
-    return """# Rollouts of other people's simulators
+    return """# Rollouts in other simulators
 
 <!-- Written by benchmarks/foreign_rollouts.py and foreign_page.py; do not edit by hand. -->
 
 Scripted policies in four simulators, recorded by [`safestage-record`](record_anywhere.md) in every physics step, and judged by
-ETS and FSH with the bind files that come along (`--bind metaworld`, `gymnasium_robotics`, `maniskill`, `robosuite`). An
-episode ends at the simulator's own success, after which the robot is commanded to stay for five seconds; without success after
-500 control steps (Meta-World), 300 (robosuite) or 150. Seeds count from 0.
+ETS and FSH rules with the bind files that come along (`--bind metaworld`, `gymnasium_robotics`, `maniskill`, `robosuite`). The scripts were
+written to reach goals, and the tasks define no hazards, so the rates say little about these policies. They show which rules such
+recordings decide, and what a success rate leaves out.
 
-The scripts were written to reach goals, and the tasks name no hazards, so the rates say little about these policies. They show
-which rules such recordings decide, and what a success rate leaves out.
+An episode ends at the simulator's own success, after which the robot is commanded to hold still for five seconds; without success
+after 500 control steps (Meta-World), 300 (robosuite) or 150. Seeds count from 0.
 
 ```
 python benchmarks/foreign_rollouts.py record metaworld FOLDER    # in each simulator's environment
@@ -121,36 +111,13 @@ def _reasons(some: pd.DataFrame) -> list[str]:
     return [f"{r.rule}: {r.signal} is not known" for r in undecided.itertuples()]
 
 
-def _judged(every: pd.DataFrame) -> str:
-    """Which rules the bind files assign to which of the recorded tasks, and how that was chosen."""
-    lines = [
-        "## Which rules are judged",
-        "",
-        "Of ETS and FSH only ETS106 and FSH101 to FSH106 can apply: the other rules speak of obstacles, of things that "
-        "are protected, fragile or liquid, or of regions, and these tasks name none. The bind files choose among the seven:",
-        "",
-        "| simulator | rules | tasks |",
-        "|---|---|---|",
-    ]
-    for title, bind, _ in SETS.values():
-        recorded = sorted(set(every.task[every.set == title]))
-        file = BINDS / f"{bind}.toml"
-        entries: dict[str, Any] = tomllib.loads(file.read_text())["task"]
-        groups: dict[str, list[str]] = {}
-        for task in recorded:
-            rules = entries[task]["rules"] if task in entries else ["none"]
-            groups.setdefault(", ".join(rules), []).append(task)
-        lines += [f"| {title} | {rules} | {', '.join(names)} |" for rules, names in groups.items()]
-    return "\n".join(lines) + "\n\n" + SELECTION
-
-
 def _rates(every: pd.DataFrame) -> str:
     lines = [
         "## Rates",
         "",
-        "SR: the simulator's own success, of all episodes. USR: violations among the successful episodes that were "
-        "decided; then the same without FSH104, which depends on what the robot does after success (below). Tasks of "
-        "which no episode was judged have no row of their own.",
+        "SR: the simulator's own success, of all episodes. USR: violations among the decided successes; then the same "
+        "without FSH104, which here depends on what the robot does after success (below). Tasks without a judged "
+        "episode have no row.",
         "",
         "| simulator, task | policy | episodes | SR % | judged | USR % | without FSH104 | inconclusive | not judged |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -180,32 +147,17 @@ def _share(part: int, whole: int) -> str:
     return f"{100 * part / whole:.0f} ({part}/{whole})" if whole else "–"
 
 
-def _found(rows: pd.DataFrame) -> str:
-    lines = [
-        "## What was found",
-        "",
-        "| simulator, task | rule | episodes | an example |",
-        "|---|---|---|---|",
-    ]
-    for (title, task, rule), some in rows.groupby(["set", "task", "rule"], sort=False):
-        one = some.iloc[0]
-        lines.append(
-            f"| {title}, {task} | {rule} | {some.path.nunique()} | {one.episode_id}: {one.explanation} |"
-        )
-    return "\n".join(lines)
-
-
 def _moved(rows: pd.DataFrame) -> str:
     """Whether what did not stay moved with the gripper, or left it."""
     lines = [
-        "## What FSH104 rests on",
+        "## What FSH104 measures here",
         "",
-        "These episodes end at success, often with the thing in the gripper, and then the robot is commanded to stay (a "
-        "step of zero). A controller that lags behind its command, or gives way under a load, moves on and takes the "
-        "thing along. So FSH104 says here how the environment stops rather than how the policy places. Way of the thing "
-        "since success beside that of the nearest part of the gripper:",
+        "These episodes end at success, often with the object in the gripper, and then a step of zero commands the robot "
+        "to hold still. A controller that lags behind its command, or gives way under a load, keeps moving and takes the "
+        "object along. So FSH104 measures here how the environment stops, not how the policy places. The columns compare "
+        "the motion of the object since success with that of the nearest part of the gripper:",
         "",
-        "| simulator, task | FSH104 violated | moved with the gripper (within 2 cm of it) | left the gripper | median way of the gripper |",
+        "| simulator, task | FSH104 violated | moved with the gripper (within 2 cm of it) | left the gripper | median motion of the gripper |",
         "|---|---|---|---|---|",
     ]
     every: list[tuple[float, float]] = []
@@ -239,7 +191,7 @@ def _ways(path: Path, signal: str) -> tuple[float, float]:
 
 def _undecided(every: pd.DataFrame) -> str:
     lines = [
-        "## What was not decided, and why",
+        "## Not decided, and why",
         "",
         "| simulator | task | | episodes | why |",
         "|---|---|---|---|---|",

@@ -11,8 +11,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pandas as pd
-
 CHECKPOINTS = Path(__file__).parents[1] / "simulate" / "learn" / "checkpoints"
 NOTES = Path(__file__).with_name("learned_notes.md")
 """Written by hand: what was tried, and what the rates do not show."""
@@ -35,25 +33,6 @@ def section(text: str, title: str) -> str:
     begin = text.index(f"## {title}")
     end = text.find("\n## ", begin + 1)
     return "#" + text[begin : end if end > 0 else None].strip()
-
-
-def rollout_table(rows: pd.DataFrame) -> str:
-    """Rollouts of the page."""
-    one = rows.drop_duplicates("episode_id")
-    cells = one.groupby(["policy", "prompt"]).agg(
-        rollouts=("episode_id", "size"), tasks=("task", "nunique"), seeds=("seed", "unique"),
-        each=("rollout", "nunique"),
-    )  # fmt: skip
-    lines = [
-        "| policy | prompt | rollouts | tasks | seeds | rollouts of each, at most |",
-        "|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {policy} | {prompt} | {row.rollouts:,} | {row.tasks} | "
-        f"{', '.join(map(str, sorted(row.seeds)))} | {row.each} |"
-        for (policy, prompt), row in cells.iterrows()
-    ]
-    return f"{len(one):,} rollouts:\n\n" + "\n".join(lines)
 
 
 def training() -> str:
@@ -81,20 +60,15 @@ def training() -> str:
 
 def page(rows: Path) -> str:
     """The page."""
-    table = pd.read_parquet(rows)
-    tables = printed_by("aggregate", str(rows), "--intervals", "wilson")
+    tables = printed_by("report", "tables", str(rows), "--intervals", "wilson")
     parts = [
         "# Learned policies on held-out seeds",
         "<!-- Written by benchmarks/learned_page.py; do not edit by hand. -->",
         NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[0].strip(),
-        "## Rates", tables.partition("\n")[0],
-        section(tables, "By policy"),
-        *(section(tables, title) for title in ("By stage", "What became", "How far")),
+        "## Rates", tables.partition("\n")[0], section(tables, "By policy"),
+        NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[2].strip(),
+        "## Training", training(),
     ]  # fmt: skip
-    parts += ["## Size", rollout_table(table), "## Training", training()]
-    parts.append(
-        NOTES.read_text(encoding="utf-8").partition("<!-- after the tables -->")[2].strip()
-    )
     return "\n\n".join(parts) + "\n"
 
 

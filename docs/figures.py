@@ -156,10 +156,10 @@ def page(table: dict[str, dict[str, Any]]) -> str:
 HEAD = (
     "# Every signal and relation, in a picture",
     "",
-    "A signal is one number per frame, without any threshold; a relation is true or false. Each is",
-    "shown on a scene: left at two moments, right over time, as the evaluator measures it. The dots",
-    "are the two moments; a gap is a stretch in which the value is not known. [rules.md](rules.md) says how",
-    "a rule uses them, `safestage rules signals` lists them in the terminal. This page is made by `docs/figures.py`.",
+    "A signal is one number per frame, without a threshold; a relation is true or false. Each is shown on a scene: left",
+    "at two moments, right over time, as the evaluator measures it. Dots mark the two moments; in a gap the value is",
+    "unknown. [rules.md](rules.md) says how rules use them; `safestage rules signals` lists them in the terminal. This",
+    "page is made by `docs/figures.py`.",
     "",
 )
 

@@ -90,4 +90,4 @@ class TraceError(InputError):
 
 
 class RuleError(InputError):
-    """A rule file that does not mean anything yet; see also ``rules.Diagnostic``."""
+    """A rule file that cannot be used as it is; see also ``rules.Diagnostic``."""

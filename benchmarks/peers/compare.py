@@ -1,7 +1,7 @@
 """Other benchmarks' own code beside our rules, on the same traces and synthetic crossings.
 
     python benchmarks/peers/compare.py --checkouts DIR --traces refs/ noisy/ --out counts.json
-    python benchmarks/peers/compare.py --counts *.json --page docs/other_benchmarks.md
+    python benchmarks/peers/compare.py --counts *.json --page docs/peers.md
 
 DIR holds a checkout per benchmark, named like its repository (RoboLab, oopsieverse, …); the commits
 are those that the rules' ``source`` names; VLA-Arena calls ``check_contact`` of robosuite 1.5, so that

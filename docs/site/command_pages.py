@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import fields
 
 import click
 
 from safestage_eval.cli import HELP, group
+from safestage_eval.size_limits import Limits
 
 HEAD = """\
 # Every command and option
 
 Written from the commands themselves: what `safestage COMMAND --help` prints. [The command line](../cli.md) says
-what all of them have in common. Every command also takes `--limits`, which lets it read larger episodes
-([limits](../security.md#limits)).
+what all of them have in common. Every command also takes `--limits`, which lets it read [larger episodes](#limits).
+"""
+
+LIMITS = """\
+## Limits
+
+An episode that exceeds one of them is a listed problem: `--limits bodies=10000,decoded=1GB` or `--limits none` raises them, or
+`SAFESTAGE_LIMITS` in the environment.
+
+| limit | at most | |
+|---|---|---|
 """
 
 SHARED = "## Shared options\n"
@@ -42,6 +54,7 @@ def commands_page() -> str:
     parts = [HEAD, SHARED, *_table(row for row in counts if row in shared)]
     for command, context, level in commands:
         parts.extend(_section(command, context, level, shared))
+    parts.append(LIMITS + "\n".join(_limits()) + "\n")
     return "\n".join(parts)
 
 
@@ -65,6 +78,16 @@ def _tree(
     if isinstance(command, click.Group):
         for name, one in command.commands.items():
             yield from _tree(one, click.Context(one, context, name), level + 1)
+
+
+def _limits() -> Iterator[str]:
+    """A row for each limit on an episode, as its declaration describes it."""
+    text = inspect.getdoc(Limits) or ""
+    for one in fields(Limits):
+        said = re.search(rf"^    {one.name}: (.+)$", text, re.MULTILINE)
+        if said is None:
+            raise LookupError(f"docs/site/command_pages.py: nothing describes {one.name}")
+        yield f"| `{one.name}` | {getattr(Limits(), one.name):,} | {said[1]} |"
 
 
 def _section(

@@ -20,6 +20,7 @@ from notebook_pages import notebook_page
 from python_page import python_page
 from repository_pages import keep_inside, versions_page
 from site_style import style_sheet
+from skill_page import skills_page
 
 DOCS = Path(__file__).resolve().parents[1]
 
@@ -28,6 +29,7 @@ WRITTEN: dict[str, Callable[[], str]] = {
     "reference/commands.md": commands_page,
     "reference/messages.md": lambda: messages_page(DOCS),
     "reference/python.md": python_page,
+    "reference/skills.md": skills_page,
     "reference/versions.md": lambda: versions_page(DOCS.parent / "CHANGELOG.md"),
     "site.css": style_sheet,
 }

@@ -137,7 +137,7 @@ class Episode(model.Episode):
 
 
 def load(path: str | Path | EpisodeRef, episode: str | None = None) -> Episode:
-    """One stored episode, by its path or as ``discover`` returns it.
+    """Return one stored episode, by its path or as ``discover`` returns it.
 
     ``episode`` is its id where the path holds several.
 

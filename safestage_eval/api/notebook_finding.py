@@ -26,7 +26,7 @@ class Shown(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class Finding:
-    """A violation, or what could not be decided, of one rule in one episode.
+    """A violation of one rule in one episode, or a rule that could not be decided there.
 
     Attributes:
         episode_id: of the episode.
@@ -54,12 +54,12 @@ class Finding:
 
     @property
     def time(self) -> float | None:
-        """S, when it began."""
+        """Time at which it began, s."""
         return self.of.time
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """That it is about."""
+        """Names of the bodies that it is about."""
         return tuple(self.of.bodies)
 
     @property
@@ -90,7 +90,7 @@ class Finding:
         return format_quantity(abs(self.of.margin), self.of.dimension)
 
     def plot(self) -> Picture:
-        """Draw what decides it, with its limit; as ``Scores.plot``."""
+        """Plot the signal that decides it, with its limit; as ``Scores.plot``."""
         return self._scores.plot(self.episode_id, rule=self.rule)
 
     def view(self) -> Page:

@@ -50,7 +50,7 @@ class Findings(tuple[Finding, ...]):
 
 
 class Scores:
-    """Verdicts of episodes. Values are in SI and rates 0…1, as are signals.
+    """Verdicts of scored episodes. Values are in SI, rates 0…1.
 
     Attributes:
         problems: episodes that could not be judged: ``path`` and ``message`` of each.
@@ -84,7 +84,7 @@ class Scores:
 
     @property
     def rates(self) -> pd.DataFrame:
-        """SR, SSR, USR and VR, 0…1, by policy, prompt and stage, with what they rest on.
+        """Return SR, SSR, USR and VR, 0…1, by policy, prompt and stage, with their counts.
 
         Each is over the ``n`` decided episodes; ``SR_low`` and ``SR_high`` and so on are its ends over
         all ``episodes``, however the undecided turn out.
@@ -118,7 +118,7 @@ class Scores:
 
     @property
     def by_rule(self) -> pd.DataFrame:
-        """How each rule that counts fared: in how many episodes, and why it is undecided."""
+        """Return how often each rule that counts was violated, passed or undecided, and why."""
         import pandas as pd
 
         from safestage_eval.report.result_rows import by_rule_rows
@@ -138,7 +138,7 @@ class Scores:
         )
 
     def explain(self, episode: str | None = None, *, everything: bool = False) -> Text:
-        """Why episodes got their verdicts, one sentence per finding, as ``safestage explain``.
+        """Explain why episodes got their verdicts, one sentence per finding, as ``safestage explain``.
 
         Args:
             episode: its id, or a part that only it has; all episodes if None.
@@ -161,7 +161,7 @@ class Scores:
         steps: int = 21,
         by: Sequence[str] = (),
     ) -> pd.DataFrame:
-        """The rates under other values of a parameter, as ``safestage sweep``.
+        """Return the rates under other values of a parameter, as ``safestage sweep``.
 
         Args:
             param: ``"edge"``.
@@ -193,7 +193,7 @@ class Scores:
         return pd.DataFrame(result.rows(by))
 
     def compare(self, other: Scores | None = None, by: By | None = None) -> pd.DataFrame:
-        """Differences of the rates on the same rollouts, as ``safestage compare``.
+        """Return the differences of the rates on the same rollouts, as ``safestage compare``.
 
         Args:
             other: what these are compared with; None: the two policies (or prompts) in these.
@@ -280,11 +280,11 @@ class Scores:
         return Picture(figure_of(again, panels(again, signals, rule=rule)))
 
     def to_pandas(self) -> pd.DataFrame:
-        """The rows."""
+        """Return the rows as a pandas frame."""
         return self.rows
 
     def to_polars(self) -> pl.DataFrame:
-        """The rows, as polars has them."""
+        """Return the rows as a polars frame."""
         import polars as pl
 
         from safestage_eval.report.result_rows import COLUMNS, rows
@@ -358,7 +358,7 @@ def score(
     jobs: int | None = 1,
     **settings: str | float,
 ) -> Scores:
-    """Judge episodes.
+    """Judge episodes by rules, and return their verdicts.
 
     Args:
         paths: files and folders, or episodes.

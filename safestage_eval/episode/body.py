@@ -70,7 +70,7 @@ class Geom(Record):
     """Key into ``Episode.meshes`` (the mesh's content hash) for ``convex_mesh`` and ``mesh``."""
 
     def scaled(self, by: float) -> Geom:
-        """Return the shape with its size and its place ``by`` times as large; a mesh stays as it is."""
+        """Return the shape with size and position scaled ``by`` a factor; a mesh keeps its vertices."""
         larger = {"size": self.size, "position": self.position}
         return self.model_copy(
             update={name: tuple(by * x for x in values) for name, values in larger.items()}
@@ -78,7 +78,7 @@ class Geom(Record):
 
 
 class Cavity(Record):
-    """The room inside a container. Its frame's +z axis points out of the opening; the rim is its top."""
+    """The hollow inside of a container. Its frame's +z axis points out of the opening; the rim is its top."""
 
     kind: Literal["box", "cylinder"]
     size: tuple[float, ...]
@@ -137,7 +137,7 @@ class Body(Record):
 
     @property
     def unseen(self) -> bool:
-        """Its shape is missing: it has none, and is no mere frame (a TCP, a sensor) of mass 0."""
+        """Whether its shape is missing: it has none, and is not a mere frame of mass 0 (a TCP, a sensor)."""
         return not self.geoms and self.mass != 0
 
 

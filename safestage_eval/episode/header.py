@@ -59,7 +59,7 @@ class Source(Record):
 
 
 class Header(Record):
-    """One per episode. Units SI; world frame with z up."""
+    """Facts about an episode besides its frames. Units SI; world frame with z up."""
 
     schema_version: str = SCHEMA_VERSION
     """``major.minor``: a minor only adds nullable fields; a newer major is refused."""

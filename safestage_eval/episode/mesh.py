@@ -24,7 +24,7 @@ class Mesh:
 
     @classmethod
     def build(cls, vertices: ArrayLike, faces: ArrayLike = ()) -> Mesh:
-        """Cast and reshape; raises ValueError when a face names a vertex that is not there."""
+        """Make a mesh from arrays; raises ValueError when a face names a vertex that does not exist."""
         v = np.ascontiguousarray(np.asarray(vertices, np.float32).reshape(-1, 3))
         f = np.ascontiguousarray(np.asarray(faces, np.int32).reshape(-1, 3))
         if f.size and (f.min() < 0 or f.max() >= len(v)):

@@ -85,7 +85,7 @@ def load(
 def discover(
     paths: str | Path | Iterable[str | Path], *, maybe_none: bool = False
 ) -> list[EpisodeRef]:
-    """Return every episode under the paths, in the order of their names.
+    """Return all episodes under the paths, ordered by name.
 
     A file or row that cannot be read becomes a reference with a ``problem``, so that it does not
     stop the others. A rollout that ended in an error is left out where it was tried again: another

@@ -26,7 +26,7 @@ def save(
     format: Format | None = None,  # noqa: A002
     events: Sequence[Event] = (),
 ) -> EpisodeRef:
-    """Write an episode whole or not at all.
+    """Write an episode to a file, whole or not at all.
 
     Args:
         episode: any; it is checked first.

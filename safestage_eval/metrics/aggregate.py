@@ -115,7 +115,7 @@ class Aggregate:
 
 
 def aggregate(outcomes: Iterable[Outcome]) -> Aggregate:
-    """Count outcomes, find out what is uneven, and check that SR = SSR + USR.
+    """Count outcomes by group, report uneven groups, and check that SR = SSR + USR.
 
     Raises:
         InputError: there are none, or the counts contradict each other.

@@ -45,7 +45,7 @@ VIOLATED = {"pass": False, "not_applicable": False, "violation": True, "inconclu
 def read_outcomes(
     paths: Sequence[str | Path], label: str | None = None
 ) -> dict[str, list[Outcome]]:
-    """Read the outcomes in one or more files, each of them once.
+    """Read the outcomes in one or more result files, each episode once.
 
     Args:
         paths: files of any of our formats.

@@ -87,7 +87,7 @@ class Monitor:
         return cls(header, load_rules(list(rules)), assigned_only=assigned_only)
 
     def update(self, recording: Recording, success_time: float | None = None) -> list[Verdict]:
-        """Return violations that have become certain since the last look, in the order of the rules.
+        """Return the violations that are certain since the last call, in the order of the rules.
 
         May be called after every frame: it looks again when a fifth of a second has been recorded.
 
@@ -108,7 +108,7 @@ class Monitor:
         return self._certain(so_far, open_end=_derives_velocities(so_far))
 
     def conclude(self, recording: Recording) -> list[Verdict]:
-        """Return violations that are certain now that the recording has ended.
+        """Return the violations that are certain now that the recording has ended.
 
         The recording's header must say how it ended. Together with those told before, these are the
         violations that the evaluator finds in the recording.

@@ -15,6 +15,8 @@ from safestage_eval.audit.audit_check import CODES
 INTRODUCTION = """\
 # Is my evaluation sound?
 
+<!-- Written by `make audit-docs` from the checks; changes belong there. -->
+
 ```
 safestage audit traces/                        everything below
 safestage audit traces/ --rules mine.toml      with your own rules
@@ -22,21 +24,19 @@ safestage audit traces/ --fail-on warning      exit code 1 for warnings as well
 safestage audit --explain AUD104               one check
 ```
 
-`safestage audit` reads stored rollouts and lists what would make their verdicts wrong or empty. Each finding has a
-code, a place (episode, body, field, time), a likely cause and a fix.
+`safestage audit` reads stored rollouts and lists what would make their verdicts wrong or meaningless. Each finding has
+a code, a place (episode, body, field, time), a likely cause and a fix.
 
 | severity | means |
 |---|---|
-| error | verdicts would be wrong, or there are none |
-| warning | some verdicts cannot be relied on |
-| note | good to know |
+| error | verdicts would be wrong or missing |
+| warning | some verdicts are unreliable |
+| note | worth knowing |
 
-A defect is reported once: what follows from it (contacts off every surface, where lengths are in centimetres) is left
-out; *not beside* names the checks that explain a defect. `--select` and `--ignore` choose checks by code, or by how
-codes begin (`AUD1`). Lengths, masses and gravity all in other units together leave no trace in a recording, and are
-not found.
-
-This page is written from the declarations of the checks (`make audit-docs`).
+A defect is reported once; what follows from it is left out (contacts off every surface, where lengths are in
+centimetres). *Not beside* names the checks that already explain a defect. `--select` and `--ignore` choose checks by
+code or prefix (`AUD1`). If lengths, masses and gravity are all in other units, a recording shows no sign of it, and the
+audit does not find it.
 """
 
 HEADINGS = {

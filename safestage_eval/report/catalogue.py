@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -42,27 +41,27 @@ INTRO = """\
 
 <!-- Written by `make catalogue` from rules/*.toml; changes belong there. -->
 
-Every built-in rule by its code. The letters say the stage, the first digit the task family. A task is
-judged by the rules that its header assigns; verdicts of the others are listed as findings.
+Every built-in rule. The letters of its code are the stage, the first digit the task family. An episode is judged by the
+rules that its header assigns; verdicts of other rules are listed as findings. The pictures show a scene that violates the rule
+and one that passes; dashed is the start.
 
-Limits stand with the name of their parameter. A rule that rests on states, such as `contact` or `moved`, reads their
-parameters too: [the shared parameters](#the-shared-parameters) says which family reads which. Examples are
-[sketches](../rules/examples), with the number of variants where there are several. `safestage rules show CODE` prints
-all definitions and variants, `safestage rules test` judges them. [meanings.md](meanings.md) explains the words.
+Limits are given with the name of their parameter. Rules that use states, such as `contact` or `moved`, also read the states'
+parameters: see [the shared parameters](#the-shared-parameters). `safestage rules show CODE` prints all definitions and the names
+of the examples, which are [sketches](../rules/examples); `safestage rules test` judges them. [meanings.md](meanings.md) defines
+the words.
 """
 SHARED = """\
 ## The shared parameters
 
-All are named once, in [rules/defaults.toml](../rules/defaults.toml). `--set NAME=VALUE` changes one for
-a run, a task's header for its episodes. A dot says that some rule of the family reads the parameter,
-directly or through a state. [paper] is the SafeStage paper, [RoboLab] the simulator its experiments ran
-in; *chosen* says that no published value was found.
+All are defined in [rules/defaults.toml](../rules/defaults.toml). `--set NAME=VALUE` changes one for a run, a task's header
+for its episodes. A dot means that a rule of the family reads the parameter, directly or through a state. [paper] is the
+SafeStage paper, [RoboLab] the simulator that it used; *chosen* means that no published value was found.
 """
 MATERIALS = """\
 ## Materials
 
-What depends on the material of the body that plays a role. A material without a row, and an empty cell,
-take the default.
+Values that depend on the material of the body in a role. A material without a row, and an empty cell, take the
+default.
 """
 
 
@@ -81,8 +80,17 @@ def catalogue() -> str:
                 f"codes that begin with {', '.join(FAMILIES)}",
                 "rename it, or add its family to FAMILIES in safestage_eval/report/catalogue.py",
             )
-    lines = [INTRO, *_rules(rules, origins), SHARED, *_shared(rules, origins)]
+    lines = [INTRO, *_index(rules), "", *_rules(rules, origins), SHARED, *_shared(rules, origins)]
     return "\n".join([*lines, "", MATERIALS, *_materials(rules)]) + "\n"
+
+
+def _index(rules: ast.RuleSet) -> Iterator[str]:
+    """A row for each rule, which leads to it."""
+    yield "| rule | family | asks |\n|---|---|---|"
+    for family, name in FAMILIES.items():
+        for code in sorted(rules.rules):
+            if code.startswith(family):
+                yield f"| [{code}](#{code.lower()}) | {name} | {rules.rules[code].title} |"
 
 
 def _rules(rules: ast.RuleSet, origins: Mapping[str, Source]) -> Iterator[str]:
@@ -98,6 +106,7 @@ def _rules(rules: ast.RuleSet, origins: Mapping[str, Source]) -> Iterator[str]:
 def _rule(facts: Mapping[str, Any], own: Mapping[str, str]) -> Iterator[str]:
     yield f"### {facts['code']}\n"
     yield f"**{facts['title']}.** {facts['why']}\n"
+    yield f"![{facts['code']}: violated, left, and passed, right](images/rules/{facts['code']}.svg)\n"
     roles = ", ".join(f"`{name}` ({text})" for name, text in facts["roles"].items())
     entries = {
         "roles": roles,
@@ -111,10 +120,7 @@ def _rule(facts: Mapping[str, Any], own: Mapping[str, str]) -> Iterator[str]:
         "own values": ", ".join(f"`{name}` {value}" for name, value in own.items()),
         "by material": ", ".join(dict.fromkeys(f"`{m['column']}`" for m in facts["materials"])),
         "trace needs": ", ".join(facts["needs"]),
-        "violated by": _scenes(facts["examples"]["violates"]),
-        "passed by": _scenes(facts["examples"]["passes"]),
-        "nothing to judge in": _scenes(facts["examples"]["vacuous"]),
-        "left undecided": _scenes(facts["examples"]["undecided"]),
+        "examples": _counts(facts["examples"]),
     }
     yield from _table(("", ""), [(key, text) for key, text in entries.items() if text])
     yield ""
@@ -191,10 +197,13 @@ def _materials(rules: ast.RuleSet) -> Iterator[str]:
     yield from _table(("material", *(f"`{column}`" for column in columns)), rows)
 
 
-def _scenes(examples: Iterable[str]) -> str:
-    """The scenes of examples, each with how many variants of it there are."""
-    counts = Counter(name.partition("(")[0].strip() for name in examples)
-    return ", ".join(f"`{name}`" + f" × {count}" * (count > 1) for name, count in counts.items())
+def _counts(examples: Mapping[str, Sequence[str]]) -> str:
+    """How many examples come out how."""
+    words = {
+        "violates": "violate", "passes": "pass", "vacuous": "have nothing to judge",
+        "undecided": "stay undecided",
+    }  # fmt: skip
+    return ", ".join(f"{len(examples[k])} {word}" for k, word in words.items() if examples[k])
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -28,17 +28,17 @@ def page(trials: Sequence[Trial]) -> str:
     lines = [
         "# Feasibility",
         "",
-        "Written by `safestage bench tasks validate --write docs/feasibility.md` (`make validate`). Both references "
-        "of every task ran",
-        f"on the environment seeds {', '.join(map(str, seeds))}. {good} of {len(trials)} episodes of "
-        f"{len(tasks)} tasks are as they should be: the safe reference",
-        "reaches the goal and passes, the unsafe one reaches it and violates an assigned rule.",
+        f"{good} of {len(trials)} episodes of {len(tasks)} tasks are as they should be: the safe reference reaches the goal "
+        "and passes, the",
+        "unsafe one reaches it and violates an assigned rule. Both references of every task ran on the environment seeds "
+        f"{', '.join(map(str, seeds))}",
+        "(written by `safestage bench tasks validate --write docs/feasibility.md`, `make validate`).",
         "",
-        "The margin is the distance of the decisive signal from its limit, negative when violated (kept or",
-        "broken where there is no number), for each seed; what several seeds have in common stands once. Room is the",
-        "least of them in shares of the limit, and at the goal the least by which its closest condition is met at",
-        f"the end (a dash where only yes or no counts); {LEAST_ROOM:.0%} and {LEAST_GOAL_ROOM:.0%} are the least that is asked for. Recording",
-        f"ran at {middle} times real time (median per processor; {taken:.0f} minutes of processor time in all).",
+        "The margin is the distance of the decisive signal from its limit, negative when violated, for each seed (kept or",
+        "broken where there is no number); equal values stand once. Room is the smallest margin as a share of the limit;",
+        "at the goal it is the smallest amount by which its closest condition is met at the end (a dash where only yes or",
+        f"no counts). At least {LEAST_ROOM:.0%} and {LEAST_GOAL_ROOM:.0%} are required. Recording ran at {middle} times real time (median; "
+        f"{taken:.0f} minutes of processor time in all).",
         "",
         "| task | safe: rule | margins | room | goal at | room | unsafe: rule | margins | room | goal at | room |",
         "|---|---|---|---|---|---|---|---|---|---|---|",

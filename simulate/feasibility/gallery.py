@@ -115,8 +115,8 @@ def page(tasks: Sequence[Task], folder: str = "gallery") -> str:
         "# Gallery",
         "",
         f"The {len(tasks)} tasks on environment seed 0, written by `make gallery`: how they start, where the safe",
-        "reference ends, and the unsafe one at the moment of its violation. Blue is the target, yellow what",
-        "depends on it, pink what is protected, green where it goes.",
+        "reference ends, and the moment at which the unsafe one violates. Blue is the target, yellow what depends",
+        "on it, pink what is protected, green the destination.",
     ]
     for stage, title in STAGES.items():
         of_stage = [task for task in tasks if task.stage == stage]

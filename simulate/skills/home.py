@@ -8,7 +8,11 @@ from .arm_motion import Actions, Motion, ease
 
 
 def home(motion: Motion, seconds: float = 2.0) -> Actions:
-    """Go back to where episodes start, joint by joint."""
+    """Go back to where episodes start, joint by joint.
+
+    Args:
+        seconds: for the whole way.
+    """
     start = motion.command
     for share in ease(seconds):
         motion.command = start + share * (HOME - start)

@@ -32,12 +32,12 @@ def pick(
         offset: TCP from the object's origin, in the object's axes turned about z only.
         yaw: of the approach about z; at 0 the fingers close along the frame's y.
         pitch: 0 from above, 90 from the side.
-        roll: of the gripper about the horizontal heading, so that the fingers close aslant on what
-            leans; positive brings the palm over to the right of the heading.
+        roll: of the gripper about the horizontal heading, for leaning objects; positive moves the palm
+            to the right of the heading.
         facing: what ``yaw`` and ``offset`` count from: the ``object``'s own heading, or
             ``outward`` from the robot's base through the object (round things).
         approach: distance at which the last straight move begins.
-        lift: how far up to go when it is held.
+        lift: how far to raise the held object.
     """
     position, rotation = motion.state.object_pose(object)
     if facing not in ("object", "outward"):

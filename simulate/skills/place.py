@@ -25,14 +25,14 @@ def place(
 
     Args:
         on: name of what it goes on or into; None for the table.
-        offset: where, from that object's origin, or from the robot's base on the table. With a
-            third number, so high above that origin, and not on its top or its floor.
+        offset: where, from that object's origin, or from the robot's base on the table. A third
+            number is a height above that origin, instead of on its top or floor.
         drop: height of the object's bottom above the surface when it is let go.
         hover: height above the surface from which it is lowered.
         retreat: how far to back out afterwards, along the approach direction.
         yaw: of the approach about z, world; None keeps the present one.
-        pitch: of the approach from straight down towards ``yaw``, to lay down or stand up what is
-            held; None keeps the present one.
+        pitch: of the approach from straight down towards ``yaw``, to lay the held object down or
+            stand it up; None keeps the present one.
         speed: m/s, on the way there.
     """
     target = motion.surface(on, offset)

@@ -23,14 +23,13 @@ def push(
     Args:
         object: its name.
         direction: deg about z, world.
-        distance: how far beyond first touch.
+        distance: how far the fingers end beyond the object's first origin.
         height: of the fingertips above the table.
         standoff: from the object's origin, where the push begins.
         speed: m/s.
-        rise: how far the fingertips come up on the way. Grippy fingers that sink a little press the
-            object onto the table and wedge it there; a rise of a tenth of the way prevents that.
-        pitch: 0 with the hand above its fingers, 90 behind them; tipped well back, it pushes low what
-            is tall, which the palm would topple.
+        rise: how far the fingertips rise on the way; a tenth of the way keeps them from jamming the
+            object against the table.
+        pitch: 0 with the hand above its fingers, 90 behind them, to push tall objects low.
     """
     position, _ = motion.state.object_pose(object)
     angle = np.radians(direction)

@@ -9,7 +9,11 @@ RELEASE_TIME = 0.6
 
 
 def release(motion: Motion, retreat: float = 0.10) -> Actions:
-    """Open the gripper where it is, and back out along the approach direction."""
+    """Open the gripper where it is, and back out along the approach direction.
+
+    Args:
+        retreat: how far to back out.
+    """
     yield from motion.grip(False, RELEASE_TIME)
     motion.held = None
     if retreat:

@@ -20,7 +20,7 @@ def tilt(
 
     Args:
         angle: how far the top goes over; negative brings it back.
-        direction: of the way the top goes, about z.
+        direction: in which the top goes, about z.
         facing: what ``direction`` counts from: the ``world``'s x, or the held ``object``'s own
             heading.
         pause: s to stay there.

@@ -6,5 +6,9 @@ from .arm_motion import Actions, Motion
 
 
 def wait(motion: Motion, seconds: float) -> Actions:
-    """Hold still."""
+    """Hold still.
+
+    Args:
+        seconds: for how long.
+    """
     yield from motion.hold(seconds)

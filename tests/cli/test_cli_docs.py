@@ -3,6 +3,7 @@
 import re
 import shlex
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import click
@@ -10,9 +11,11 @@ import pytest
 from studio import run
 
 from safestage_eval.cli import COMMANDS, FROM_SIMULATE, group
+from safestage_eval.size_limits import Limits
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "cli.md").read_text("utf-8")
+SHOWN = TEXT + (ROOT / "docs" / "what_if.md").read_text("utf-8")
 
 
 sys.path.insert(0, str(ROOT / "docs" / "site"))
@@ -92,8 +95,13 @@ def test_every_command_is_described():
 
 
 @pytest.mark.parametrize(
-    ("line", "shown"), re.findall(r"^```\n\$ safestage (.*)\n([^`]*)```", TEXT, re.MULTILINE)
+    ("line", "shown"), re.findall(r"^```\n\$ safestage (.*)\n([^`]*)```", SHOWN, re.MULTILINE)
 )
 def test_what_the_page_shows_is_what_comes(line, shown, monkeypatch):
     monkeypatch.chdir(ROOT)
     assert shown in run(*shlex.split(line)).text
+
+
+def test_every_limit_is_described():
+    rows = re.findall(r"^\| `(\w+)` \| [\d,]+ \| \S", REFERENCE.split("\n## Limits\n")[1], re.M)
+    assert rows == [field.name for field in fields(Limits)]

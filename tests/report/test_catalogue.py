@@ -60,3 +60,10 @@ def test_every_rule_has_an_entry_in_its_family() -> None:
     for code in RULES.rules:
         family = page.split(f"\n## {code[:3]}: {FAMILIES[code[:4]]}\n")[1].split("\n## ")[0]
         assert f"\n### {code}\n" in family
+
+
+@pytest.mark.parametrize("code", RULES.rules)
+def test_a_picture_shows_a_violation_and_a_pass(code: str) -> None:
+    picture = (PAGE.parent / "images" / "rules" / f"{code}.svg").read_text("utf-8")
+    assert "violated, at" in picture, "python docs/rule_pictures.py"
+    assert "passed, at" in picture
