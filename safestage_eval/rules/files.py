@@ -96,7 +96,7 @@ def find(spec: str | Path) -> list[Path]:
         RuleError: there is none.
     """
     path = Path(spec)
-    paths = sorted(path.glob("*.toml")) if path.is_dir() else [path] * path.is_file()
+    paths = _in_folder(path) if path.is_dir() else [path] * path.is_file()
     if paths:
         return paths
     builtin = _builtin(str(spec))
@@ -111,6 +111,19 @@ def find(spec: str | Path) -> list[Path]:
         f"a file, a folder, or a built-in name: {', '.join(named)}",
         did_you_mean(str(spec), named),
     )
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    """Its rule files, but for those that say that they are judged only where they are named."""
+    return [path for path in sorted(folder.glob("*.toml")) if not _on_demand(path)]
+
+
+def _on_demand(path: Path) -> bool:
+    try:
+        head = _parse(path.read_text(encoding="utf-8")).get("ruleset")
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, NumberError):
+        return False  # whoever reads it says what is wrong
+    return isinstance(head, dict) and head.get("on_demand") is True
 
 
 def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagnostic]]:
