@@ -199,7 +199,7 @@ def _body(
     while above and not gripper:
         gripper = bool(GRIPPER.search(above)) and above in places
         above = links[above].parent or ""
-    geoms = [*link.geoms]
+    geoms, before = [*link.geoms], len(lost)
     for shape in link.meshes:
         mesh = _mesh(shape, folders, hollow)
         if mesh is None:
@@ -214,6 +214,8 @@ def _body(
                 orientation=shape.orientation,
             )
         )
+    if len(lost) > before:  # with a part of its shapes it would seem further away than it is
+        geoms = []
     side = side_of(name) if gripper else None
     frame = not geoms and not link.meshes
     return Body(

@@ -79,7 +79,7 @@ class MujocoStates(Importer):
 
     def _with_contacts(self, rows: Rows, stored: Stored) -> Rows:
         """With the contacts of the recorder's MuJoCo, if there is one."""
-        if self._elsewhere is None:
+        if self._elsewhere is None or rows.loaded.lost:
             return replace(rows, same=stored.mujoco_version == mujoco.__version__)
         weigh(rows.loaded.model, mujoco.MjData(rows.loaded.model), self.settings.map)
         driven = ForeignFacts(rows.loaded.model).driven
