@@ -70,7 +70,7 @@ class ColumnImporter(Importer):
         super().__init__(path, settings)
         self._columns: ColumnsTable = settings.map.columns or ColumnsTable()
         if not self._columns.body and settings.robot is None:
-            raise self._no_map()
+            raise self.no_map()
 
     @abstractmethod
     def rows(self, name: str, wanted: Sequence[str]) -> Rows:
@@ -128,7 +128,8 @@ class ColumnImporter(Importer):
         about = self._about(rows, t, account)
         return scene.episode(t, frames, com="the bodies' origins", joints=joints, **about)
 
-    def _no_map(self) -> SourceError:
+    def no_map(self) -> SourceError:
+        """Return the error for a source of which nobody says where poses are."""
         seen = self.seen()
         likely = [name for name in seen if re.search(POSE_WORDS, name)]
         if not likely:
