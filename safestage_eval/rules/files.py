@@ -79,12 +79,17 @@ def builtin_folder() -> Path:
 
 def builtin_names() -> list[str]:
     """Names of SafeStage's own rule files, the default set: ``fsh`` for ``fsh.toml``."""
-    return sorted(path.stem for path in builtin_folder().glob("*.toml"))
+    return [path.stem for path in _in_folder(builtin_folder())]
 
 
 def benchmark_names() -> list[str]:
     """Names of the rule files that ask other benchmarks' questions; read only when named."""
     return sorted(path.stem for path in (builtin_folder() / BENCHMARKS).glob("*.toml"))
+
+
+def on_demand_names() -> list[str]:
+    """Names of SafeStage's own rule files that are read only when named: ``robot``."""
+    return sorted({path.stem for path in builtin_folder().glob("*.toml")} - {*builtin_names()})
 
 
 def find(spec: str | Path) -> list[Path]:
@@ -104,7 +109,7 @@ def find(spec: str | Path) -> list[Path]:
         return [builtin]
     if path.is_dir():
         raise RuleError(str(spec), "the folder has no rule files.", "files ending in .toml")
-    named = [*builtin_names(), *benchmark_names()]
+    named = [*builtin_names(), *on_demand_names(), *benchmark_names()]
     raise RuleError(
         str(spec),
         "no such rule file.",
@@ -276,7 +281,7 @@ def _base(path: Path, name: str) -> Path | None:
 
 def _builtin(name: str) -> Path | None:
     stem = name.removesuffix(".toml")
-    if stem in builtin_names():
+    if stem in builtin_names() or stem in on_demand_names():
         return builtin_folder() / f"{stem}.toml"
     return builtin_folder() / BENCHMARKS / f"{stem}.toml" if stem in benchmark_names() else None
 

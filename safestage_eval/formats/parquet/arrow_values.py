@@ -100,8 +100,8 @@ def _without_gaps(array: pa.Array) -> NDArray[Any]:
     there, values = array.buffers()
     rows = slice(array.offset, array.offset + len(array))
     known = np.unpackbits(np.frombuffer(there, np.uint8), bitorder="little")[rows].astype(bool)
-    return np.frombuffer(values, f"{'i' if pa.types.is_signed_integer(array.type) else 'u'}"
-                                 f"{array.type.bit_width // 8}")[rows][known]  # fmt: skip
+    kind = f"{'i' if pa.types.is_signed_integer(array.type) else 'u'}{array.type.bit_width // 8}"
+    return np.asarray(np.frombuffer(values, kind)[rows][known])
 
 
 def _encoded(chunk: pa.Array) -> pa.DictionaryArray:
