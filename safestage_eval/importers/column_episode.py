@@ -25,10 +25,12 @@ from safestage_eval.size_limits import current
 from .account import Account
 from .foreign_motion import make_track, to_wxyz
 from .importer import Importer, QuaternionOrder, Settings, SourceError
+from .joint_columns import joint_column, plain
 from .known_files import ask_for
 from .map_tables import BodyColumns, ColumnsTable
 from .missing_data import say_success
 from .place_robot import Placed
+from .robot_file import load_robot
 from .scene_builder import SceneBuilder, robot_frames
 
 F64 = NDArray[np.float64]
@@ -60,15 +62,15 @@ class ColumnImporter(Importer):
     """A dataset of tables, whose columns the map file assigns."""
 
     def __init__(self, path: Path, settings: Settings) -> None:
-        """Take the map's columns.
+        """Take the map's columns; with a robot, those of its joints are enough.
 
         Raises:
             SourceError: there are none.
         """
         super().__init__(path, settings)
-        if settings.map.columns is None or not settings.map.columns.body:
-            raise self._no_map()
-        self._columns: ColumnsTable = settings.map.columns
+        self._columns: ColumnsTable = settings.map.columns or ColumnsTable()
+        if not self._columns.body and settings.robot is None:
+            raise self.no_map()
 
     @abstractmethod
     def rows(self, name: str, wanted: Sequence[str]) -> Rows:
@@ -78,6 +80,10 @@ class ColumnImporter(Importer):
             SourceError: there is no such column.
             TraceError: the data are damaged.
         """
+
+    def widths(self) -> dict[str, Sequence[str]]:
+        """Column → a name for each number in a row of it (empty where it has none), as far as they are told."""
+        return {}
 
     @abstractmethod
     def seen(self) -> list[str]:
@@ -102,8 +108,11 @@ class ColumnImporter(Importer):
         columns = rows.columns
         current().demand("frames", len(next(iter(columns.values()))), where)
         scene = SceneBuilder(self.settings, where, account)
-        order: QuaternionOrder = scene.gaps.ask(lambda: self._order(where), "wxyz")
-        for body_name, spec in self._columns.body.items():
+        bodies = self._columns.body
+        order: QuaternionOrder = (
+            scene.gaps.ask(lambda: self._order(where), "wxyz") if bodies else "wxyz"
+        )
+        for body_name, spec in bodies.items():
             raw = Body(name=body_name, kind="object", untold=("up_axis", "cavity"))
             scene.bodies.append(scene.describe(raw))
             scene.tracks[body_name] = _track(columns, spec, order, f"{where}: {body_name}")
@@ -119,7 +128,8 @@ class ColumnImporter(Importer):
         about = self._about(rows, t, account)
         return scene.episode(t, frames, com="the bodies' origins", joints=joints, **about)
 
-    def _no_map(self) -> SourceError:
+    def no_map(self) -> SourceError:
+        """Return the error for a source of which nobody says where poses are."""
         seen = self.seen()
         likely = [name for name in seen if re.search(POSE_WORDS, name)]
         if not likely:
@@ -151,7 +161,27 @@ class ColumnImporter(Importer):
             for text in body.model_dump(exclude_none=True).values()
         ]
         texts += [v for k, v in spec.model_dump(exclude_none=True).items() if k != "body"]
+        texts += [self._joints_at] * bool(self._joints_at)
         return list(dict.fromkeys([column_of(text) for text in texts]))
+
+    @cached_property
+    def _joints_at(self) -> str:
+        """The column of joint positions, or the part of it; "" where it is not needed.
+
+        Raises:
+            SourceError: none is known, and the robot needs one.
+        """
+        if self._columns.joint_position is not None:
+            return self._columns.joint_position
+        if self.settings.robot is None:
+            return ""
+        model = load_robot(self.settings.robot, self.settings.assets)
+        return joint_column(model, self.widths(), str(self.path))
+
+    @property
+    def joint_source(self) -> str:
+        """Name of the column of joint positions; "" of none."""
+        return column_of(self._joints_at) if self._joints_at else ""
 
     def _order(self, where: str) -> QuaternionOrder:
         order = self.settings.stated_order
@@ -185,11 +215,11 @@ class ColumnImporter(Importer):
         if self.settings.robot is None:
             return None
         if self._columns.joint_position is None:
-            raise SourceError(
-                scene.where, "no column is mapped to the joint positions, which --robot needs.",
-                fix='[columns] joint_position = "observation.state[0:7]" in the map file',
+            scene.account.guessed(
+                "column of the joint positions", self._joints_at,
+                remedy="[columns] joint_position in the map file",
             )  # fmt: skip
-        values = part_of(rows.columns, self._columns.joint_position, None, scene.where)
+        values = part_of(rows.columns, self._joints_at, None, scene.where)
         entry = self.settings.map.of_body("robot_base")
         place = (0.0, 0.0, 0.0) if entry is None or entry.position is None else entry.position
         turn = (1.0, 0.0, 0.0, 0.0) if entry is None else tuple(entry.orientation)
@@ -198,7 +228,9 @@ class ColumnImporter(Importer):
                 "place of the robot's base", "the origin of the world",
                 remedy="[body.robot_base] position, orientation in the map file",
             )  # fmt: skip
-        names = rows.joints if len(rows.joints) == values.shape[1] else ()
+        part = _split(self._joints_at)[1]
+        names = tuple(plain(name) for name in rows.joints[part])
+        names = names if len(names) == values.shape[1] else ()
         return scene.place_robot("robot_base", still_track(place, turn), values, names=names)
 
     def _robot(
@@ -210,6 +242,9 @@ class ColumnImporter(Importer):
             if (spec := getattr(self._columns, name)) is not None
         }
         if placed is not None:
+            parts["joint_position"] = placed.columns
+            if "joint_velocity" in parts:
+                parts["joint_velocity"] = parts["joint_velocity"] * placed.unit
             return robot_frames(rows, **{"gripper": placed.gripper, **parts}), placed.joints
         count = max(
             (v.shape[1] for name, v in parts.items() if name.startswith("joint")), default=0
@@ -248,6 +283,13 @@ class ColumnImporter(Importer):
         }
 
     def _remark(self, account: Account) -> None:
+        if not self._columns.body:
+            account.missing(
+                "objects", "only the robot's joints are recorded",
+                cost="all rules on objects: inconclusive; --rules robot judges the robot itself",
+                remedy="[columns.body.NAME] in the map file, if the table has their poses",
+            )  # fmt: skip
+            return
         account.missing(
             "bodies that no column is mapped to",
             cost="the robot's distances, contacts and grasps: inconclusive",

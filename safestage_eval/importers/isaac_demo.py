@@ -299,12 +299,6 @@ class Demo(SceneBuilder):
             self.account, known=reached is not None, hold=0.0 if reached else None,
             how="recording ends with it",
         )  # fmt: skip
-        if reached:
-            self.account.guessed(
-                "the moment of success", "the last row: recording ends with it",
-                cost="what is judged up to success",
-                remedy="[episode.NAME] success_time in the map file",
-            )  # fmt: skip
         horizon = config.get("episode_length_s")
         seed = self.group.attrs.get("seed", config.get("seed"))
         instruction = result.get("instruction") or config.get("instruction")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .column_episode import ColumnImporter, Rows, column_of
+from .column_episode import ColumnImporter, Rows
 from .importer import Settings
 from .lerobot_tables import OWN, Tables, described
 
@@ -59,6 +59,15 @@ class LeRobot(ColumnImporter):
         """Columns of ``meta/info.json``, without images."""
         return [name for name in self._features if name not in OWN and "image" not in name]
 
+    def widths(self) -> dict[str, Sequence[str]]:
+        """See ``ColumnImporter.widths``."""
+        shapes = {n: f.get("shape") for n, f in self._features.items() if isinstance(f, dict)}
+        return {
+            name: self._joints(name) or [""] * shape[0]
+            for name, shape in shapes.items()
+            if name not in OWN and isinstance(shape, list) and len(shape) == 1
+        }
+
     def publisher(self) -> str:
         """The type of the robot."""
         return str(self._info.get("robot_type", ""))
@@ -75,17 +84,16 @@ class LeRobot(ColumnImporter):
             t = np.arange(count, dtype=np.float64) / float(fps)
         task = columns.get("task_index")
         instruction = None if task is None else self._tables.tasks.get(int(task[0, 0]))
-        return Rows(columns, number, t, instruction, self._joints())
+        return Rows(columns, number, t, instruction, self._joints(self.joint_source))
 
-    def _joints(self) -> tuple[str, ...]:
-        """Names of the numbers in the column of joint positions."""
-        spec = self._columns.joint_position
-        feature = self._features.get(column_of(spec), {}) if spec is not None else {}
+    def _joints(self, column: str) -> tuple[str, ...]:
+        """Names of the numbers in a column."""
+        feature = self._features.get(column, {})
         names = feature.get("names") if isinstance(feature, dict) else None
         names = next(iter(names.values()), None) if isinstance(names, dict) else names
         if not isinstance(names, list):
             return ()
-        return tuple(str(name).removesuffix(".pos") for name in names)
+        return tuple(str(name) for name in names)
 
 
 IMPORTER = LeRobot

@@ -200,6 +200,8 @@ class RobotTable(_Table):
 
     joints: Names = ()
     """Its joints in the order of the recorded columns."""
+    angle: Literal["rad", "deg"] | None = None
+    """Unit of the positions of joints that turn; rad without."""
 
 
 class InTable(_Table):

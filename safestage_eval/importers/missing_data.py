@@ -93,9 +93,20 @@ def say_success(account: Account, *, known: bool, hold: float | None, how: str =
             "success", cost="rates of success, and what depends on its moment",
             remedy="[episode.NAME] success and success_time in the map file",
         )  # fmt: skip
+    if hold is not None and hold <= 0:
+        say_last_row(account)
     if hold is not None and hold < 5:
         account.missing(
             "the time after success", f"{hold:.2f} s of it: {how}",
             cost="rules on the final state (FSH): inconclusive",
             remedy="record on for 5 s after success with the robot frozen",
         )  # fmt: skip
+
+
+def say_last_row(account: Account) -> None:
+    """Remark that the moment of success is the last row, which is where many recorders end in any case."""
+    account.guessed(
+        "the moment of success", "the last row: recording ends with it",
+        cost="what is judged up to success or after it",
+        remedy="--bind with a goal, or [episode.NAME] success_time in the map file",
+    )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from .scene_bodies import apply_map
 
 F64 = NDArray[np.float64]
 
+JOINTED = "jointed"
+"""Tag of the links that joints move; the others are one with the base."""
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -29,12 +32,16 @@ class Placed:
         bodies: the base first, under the name that it was given.
         tracks: of all of them.
         joints: of the recorded columns, in their order.
+        columns: (T, n) the recorded joint positions, rad or m.
+        unit: (n,) rad or m for one of what the columns are in.
         gripper: (T, 1) how far it is open, 0 … 1; (T, 0) where its fingers do not tell.
     """
 
     bodies: list[Body]
     tracks: dict[str, Track]
     joints: tuple[Joint, ...]
+    columns: F64
+    unit: F64
     gripper: F64
 
 
@@ -55,7 +62,7 @@ def place_robot(
         settings: with ``robot``, and perhaps the map file's ``[robot]``.
         base: name of the body that is its first link.
         motion: of that body, T frames or one.
-        columns: (T, n) recorded joint positions, rad or m.
+        columns: (T, n) recorded joint positions, rad or m unless the map's ``[robot]`` says otherwise.
         account: for remarks.
         meshes: receives those of its shapes.
         names: of the columns, as far as the source has any.
@@ -90,9 +97,30 @@ def place_robot(
             f"{len(model.lost)} meshes of {base}", ", ".join(model.lost[:3]),
             cost="clearances of these links: inconclusive", remedy="--assets DIR, a folder that has them",
         )  # fmt: skip
-    positions = {name: columns[:, i] for i, name in enumerate(matched)}
+    unit = _units(settings, model, matched, columns)
+    positions = {name: unit[i] * columns[:, i] for i, name in enumerate(matched)}
     meshes.update(model.meshes)
-    return placed_links(model, base, motion, positions, matched, settings.map, meshes, taken)
+    placed = placed_links(model, base, motion, positions, matched, settings.map, meshes, taken)
+    return replace(placed, unit=unit)
+
+
+def _units(settings: Settings, model: RobotModel, matched: Sequence[str], columns: F64) -> F64:
+    """(n,) rad or m for one of what each column is in.
+
+    Raises:
+        SourceError: joints that turn have angles of more than two turns, and nobody said in which unit.
+    """
+    kinds = {joint.name: joint.kind for joint in model.joints}
+    turns = np.array([kinds[name] == "revolute" for name in matched])
+    unit, largest = settings.map.robot.angle, float(np.nanmax(np.abs(columns[:, turns]), initial=0))
+    if unit is None and largest > 4 * np.pi:
+        raise SourceError(
+            str(settings.robot),
+            f"its joints would turn by up to {largest:.4g} rad, more than two turns: the recorded columns "
+            "are in degrees, or in a unit of the drives.",
+            fix='[robot] angle = "deg" in the map file; "rad" if they do turn so far',
+        )
+    return np.where(turns & (unit == "deg"), np.pi / 180, 1.0)
 
 
 def placed_links(
@@ -116,12 +144,19 @@ def placed_links(
     } | {root: base}
     bodies: list[Body] = []
     tracks: dict[str, Track] = {}
+    jointed: set[str] = set()
     for link in model.links:
+        if link.joints or link.body.parent in jointed:
+            jointed.add(link.body.name)
         name = called[link.body.name]
         parent = None if link.body.parent is None else called.get(link.body.parent)
         body = apply_map(
-            link.body.model_copy(update={"name": name, "parent": parent}), map_, meshes
-        )
+            link.body.model_copy(update={
+                "name": name, "parent": parent,
+                "excluded": tuple(called[other] for other in link.body.excluded if other in called),
+                "tags": (*link.body.tags, *([JOINTED] if link.body.name in jointed else ())),
+            }), map_, meshes
+        )  # fmt: skip
         if name == base:
             body, track = (body, motion) if len(motion) > 1 else (
                 body.model_copy(update={"movable": False}), motion
@@ -144,5 +179,10 @@ def placed_links(
     )
     open_ = opening(model, positions)
     return Placed(
-        bodies, tracks, joints, np.zeros((length, 0)) if open_ is None else open_[:, None]
+        bodies,
+        tracks,
+        joints,
+        np.stack([positions[name] for name in matched], axis=1),
+        np.ones(len(matched)),
+        np.zeros((length, 0)) if open_ is None else open_[:, None],
     )

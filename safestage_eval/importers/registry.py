@@ -19,6 +19,8 @@ OWN = {
     "lerobot": "lerobot",
     "rlds": "rlds",
     "tf": "transforms",
+    "vla-eval": "vla_eval",
+    "joints": "joint_table",
 }
 """Format → file in this folder, in the order in which they are asked."""
 

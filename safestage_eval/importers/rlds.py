@@ -86,6 +86,10 @@ class Rlds(ColumnImporter):
         """Columns of ``features.json``."""
         return list(self._table)
 
+    def widths(self) -> dict[str, Sequence[str]]:
+        """See ``ColumnImporter.widths``."""
+        return {n: [""] * c.width for n, c in self._table.items() if c.width and not c.encoded}
+
     def publisher(self) -> str:
         """The dataset's name."""
         return str(self._info.get("name", ""))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -23,6 +24,9 @@ from .robot_model import RobotJoint, RobotLink, RobotModel
 from .urdf_links import JOINTED, Link, MeshShape, numbers_of, origin_of, urdf_links
 
 GRIPPER = re.compile(r"gripper|finger|hand(?!le)|claw|knuckle|robotiq|pad|jaw", re.IGNORECASE)
+POSTURES = 24
+"""Positions of all joints in which links are tried for overlap."""
+
 LARGEST = 64 << 20
 """bytes of a description."""
 
@@ -51,13 +55,50 @@ def load_robot(path: Path, assets: tuple[Path, ...] = ()) -> RobotModel:
             str(path), "is no robot description.", "URDF (<robot>) or MJCF (<mujoco>)"
         )
     if tag[1] == "robot":
-        return robot_from_urdf(text, str(path), (path.parent, *assets))
+        return without_joined_pairs(robot_from_urdf(text, str(path), (path.parent, *assets)))
     missing = simulator.why_not()
     if missing is not None:
         raise SourceError(str(path), "is MJCF, which MuJoCo reads.", "URDF without it", missing)
     module = importlib.import_module(f"{simulator.NAME}.importers.robot_mjcf")
     model: RobotModel = module.robot_from_mjcf(path)
     return model
+
+
+def without_joined_pairs(model: RobotModel) -> RobotModel:
+    """Return the model whose links exclude those that they overlap wherever the joints are.
+
+    The hulls of links two joints apart often do, by design; a URDF does not say so. Each pair is looked at in
+    positions of the joints all over their ranges.
+    """
+    from safestage_eval.geometry.group_clearance import clearance_pairs
+    from safestage_eval.geometry.mover import Mover
+    from safestage_eval.geometry.shape import BodyShape
+
+    draw = np.random.default_rng(0)
+    ranges = {joint.name: joint.limits or (-np.pi, np.pi) for joint in model.joints}
+    positions = {name: draw.uniform(*limits, POSTURES) for name, limits in ranges.items()}
+    base = np.zeros((POSTURES, 3)), np.tile([1.0, 0, 0, 0], (POSTURES, 1))
+    movers = {
+        link.body.name: Mover.build(BodyShape.build(link.body, model.meshes), *(
+            np.broadcast_to(part, (POSTURES, part.shape[1])) for part in poses
+        ))
+        for link, poses in zip(model.links, model.place(base, positions).values(), strict=True)
+        if link.body.geoms
+    }  # fmt: skip
+    names = [*movers]
+    joined: dict[str, list[str]] = {name: [] for name in names}
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            apart = clearance_pairs([(movers[one], movers[other])], POSTURES, 1e-3)
+            if (apart.lower <= 0).all():
+                joined[one].append(other)
+    links = (
+        replace(link, body=link.body.model_copy(update={"excluded": tuple(joined[link.body.name])}))
+        if joined.get(link.body.name)
+        else link
+        for link in model.links
+    )
+    return replace(model, links=tuple(links))
 
 
 def robot_from_urdf(
@@ -158,7 +199,7 @@ def _body(
     while above and not gripper:
         gripper = bool(GRIPPER.search(above)) and above in places
         above = links[above].parent or ""
-    geoms = [*link.geoms]
+    geoms, before = [*link.geoms], len(lost)
     for shape in link.meshes:
         mesh = _mesh(shape, folders, hollow)
         if mesh is None:
@@ -173,6 +214,8 @@ def _body(
                 orientation=shape.orientation,
             )
         )
+    if len(lost) > before:  # with a part of its shapes it would seem further away than it is
+        geoms = []
     side = side_of(name) if gripper else None
     frame = not geoms and not link.meshes
     return Body(

@@ -79,12 +79,17 @@ def builtin_folder() -> Path:
 
 def builtin_names() -> list[str]:
     """Names of SafeStage's own rule files, the default set: ``fsh`` for ``fsh.toml``."""
-    return sorted(path.stem for path in builtin_folder().glob("*.toml"))
+    return [path.stem for path in _in_folder(builtin_folder())]
 
 
 def benchmark_names() -> list[str]:
     """Names of the rule files that ask other benchmarks' questions; read only when named."""
     return sorted(path.stem for path in (builtin_folder() / BENCHMARKS).glob("*.toml"))
+
+
+def on_demand_names() -> list[str]:
+    """Names of SafeStage's own rule files that are read only when named: ``robot``."""
+    return sorted({path.stem for path in builtin_folder().glob("*.toml")} - {*builtin_names()})
 
 
 def find(spec: str | Path) -> list[Path]:
@@ -96,7 +101,7 @@ def find(spec: str | Path) -> list[Path]:
         RuleError: there is none.
     """
     path = Path(spec)
-    paths = sorted(path.glob("*.toml")) if path.is_dir() else [path] * path.is_file()
+    paths = _in_folder(path) if path.is_dir() else [path] * path.is_file()
     if paths:
         return paths
     builtin = _builtin(str(spec))
@@ -104,13 +109,26 @@ def find(spec: str | Path) -> list[Path]:
         return [builtin]
     if path.is_dir():
         raise RuleError(str(spec), "the folder has no rule files.", "files ending in .toml")
-    named = [*builtin_names(), *benchmark_names()]
+    named = [*builtin_names(), *on_demand_names(), *benchmark_names()]
     raise RuleError(
         str(spec),
         "no such rule file.",
         f"a file, a folder, or a built-in name: {', '.join(named)}",
         did_you_mean(str(spec), named),
     )
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    """Its rule files, but for those that say that they are judged only where they are named."""
+    return [path for path in sorted(folder.glob("*.toml")) if not _on_demand(path)]
+
+
+def _on_demand(path: Path) -> bool:
+    try:
+        head = _parse(path.read_text(encoding="utf-8")).get("ruleset")
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, NumberError):
+        return False  # whoever reads it says what is wrong
+    return isinstance(head, dict) and head.get("on_demand") is True
 
 
 def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagnostic]]:
@@ -263,7 +281,7 @@ def _base(path: Path, name: str) -> Path | None:
 
 def _builtin(name: str) -> Path | None:
     stem = name.removesuffix(".toml")
-    if stem in builtin_names():
+    if stem in builtin_names() or stem in on_demand_names():
         return builtin_folder() / f"{stem}.toml"
     return builtin_folder() / BENCHMARKS / f"{stem}.toml" if stem in benchmark_names() else None
 

@@ -82,6 +82,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "name": Key("text", "Short name of the rule set.", True),
         "version": Key("text", "Version of the rule set.", True),
         "extends": Key("texts", "Rule files whose definitions this one uses and may override."),
+        "on_demand": Key(
+            "flag", "true: a folder does not stand for this file; it is judged where it is named."
+        ),
     },
     "baseline": {"span": Key("span", "The frames that are the initial state.", True)},
     "signal": {

@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import mujoco
 
 from safestage_eval.errors import InputError
-from safestage_eval.importers.importer import SourceError
 from safestage_eval.size_limits import current
 
 SHAPES = (".obj", ".stl", ".msh", ".ply", ".png", ".bin", ".hf")
@@ -41,12 +40,18 @@ class Loaded:
         model: compiled.
         unweighed: bodies whose mass the file has from visual meshes, which are not in the model.
         drawn: bodies that had visual meshes.
+        lost: files of shapes that collide and are nowhere to be found; ``shapeless``, bodies that have
+            some, and are left without any shape.
+        looked: where the files were looked for.
         xml: MJCF of it, and ``assets``, the files that it names.
     """
 
     model: mujoco.MjModel
     unweighed: tuple[str, ...] = ()
     drawn: frozenset[str] = frozenset()
+    lost: tuple[str, ...] = ()
+    shapeless: frozenset[str] = frozenset()
+    looked: str = ""
     xml: str = ""
     assets: Mapping[str, bytes] = field(default_factory=dict)
 
@@ -57,6 +62,8 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
     A visual mesh may be what gives a body its mass, where the file says none: by an amount that
     depends on the version of MuJoCo. Such a body then weighs what its other shapes do.
 
+    A body of which the file of a shape is not there is left without shapes.
+
     Args:
         text: MJCF as the source stored it; its files may be of another machine.
         where: as messages say it.
@@ -64,14 +71,15 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
 
     Raises:
         InputError: it is no MJCF that MuJoCo can read.
-        SourceError: the file of a collision shape is not there.
     """
     try:
         spec = mujoco.MjSpec.from_string(_plain(text, where))
-        needed, unweighed, drawn = _strip(spec)
+        unweighed, drawn = _strip(spec)
     except UNREADABLE as error:
         raise InputError(where, f"MuJoCo cannot read the model: {_line(error)}.") from None
-    spec.assets = files = _files(spec, needed, where, assets)
+    files, lost = _files(spec, assets)
+    spec.assets = files
+    shapeless = _without_shapes(spec, lost)
     try:
         model = spec.compile()
         written = spec.to_xml()
@@ -79,7 +87,9 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
         raise InputError(where, f"MuJoCo cannot compile the model: {_line(error)}.") from None
     if model.nflex:
         raise InputError(where, "the model has soft bodies (flex), which no trace can hold.")
-    return Loaded(model, unweighed, drawn, _for_older(written), files)
+    looked = ", ".join(map(str, assets)) or "its own path"
+    names = tuple(dict.fromkeys(lost.values()))
+    return Loaded(model, unweighed, drawn, names, shapeless, looked, _for_older(written), files)
 
 
 def _for_older(text: str) -> str:
@@ -128,13 +138,12 @@ def _plain(text: str, where: str) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def _strip(spec: mujoco.MjSpec) -> tuple[dict[str, str], tuple[str, ...], frozenset[str]]:
+def _strip(spec: mujoco.MjSpec) -> tuple[tuple[str, ...], frozenset[str]]:
     """Remove what is only seen.
 
-    Returns the meshes that are left, each with a geom that needs it, the bodies whose mass went
-    with what was removed, and those from which anything was removed.
+    Returns the bodies whose mass went with what was removed, and those from which anything was removed.
     """
-    needed: dict[str, str] = {}
+    needed: set[str] = set()
     unweighed: dict[str, None] = {}
     drawn: set[str] = set()
     lowest, highest = spec.compiler.inertiagrouprange
@@ -149,7 +158,7 @@ def _strip(spec: mujoco.MjSpec) -> tuple[dict[str, str], tuple[str, ...], frozen
             if not geom.meshname:
                 continue
             if geom.contype or geom.conaffinity:
-                needed[geom.meshname] = f"geom {geom.name!r} of body {body.name!r}"
+                needed.add(geom.meshname)
                 continue
             if inferred and lowest <= geom.group <= highest and geom.mass != 0 and geom.density:
                 unweighed[body.name] = None
@@ -161,36 +170,48 @@ def _strip(spec: mujoco.MjSpec) -> tuple[dict[str, str], tuple[str, ...], frozen
     for mesh in list(spec.meshes):
         if mesh.name not in needed:
             spec.delete(mesh)
-    return needed, tuple(unweighed), frozenset(drawn)
+    return tuple(unweighed), frozenset(drawn)
 
 
-def _files(
-    spec: mujoco.MjSpec, needed: dict[str, str], where: str, assets: Sequence[Path]
-) -> dict[str, bytes]:
-    """Name → content of the files of meshes and height fields, which are renamed to these names."""
+def _files(spec: mujoco.MjSpec, assets: Sequence[Path]) -> tuple[dict[str, bytes], dict[str, str]]:
+    """Name → content of the files of meshes and height fields, which are renamed to these names.
+
+    And the name of each mesh and height field whose file is not there → that file.
+    """
     out: dict[str, bytes] = {}
-    missing: list[str] = []
-    named = [(mesh, spec.meshdir, needed[mesh.name]) for mesh in spec.meshes]
-    named += [(field, spec.meshdir, f"height field {field.name!r}") for field in spec.hfields]
-    for element, folder, user in named:
+    lost: dict[str, str] = {}
+    for element in (*spec.meshes, *spec.hfields):
         if not element.file:
             continue
-        file = _find(element.file, folder, assets)
+        file = _find(element.file, spec.meshdir, assets)
         if file is None:
-            missing.append(f"{element.file} ({user})")
+            lost[element.name] = element.file
             continue
         name = f"{len(out)}{Path(element.file).suffix.lower()}"
         out[name], element.file = file.read_bytes(), name
     spec.meshdir = ""
-    if missing:
-        looked = ", ".join(map(str, assets)) or "its own path"
-        more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
-        raise SourceError(
-            where,
-            f"a shape that collides needs {missing[0]}{more}: not found in {looked}.",
-            fix=FIX,
-        )
-    return out
+    return out, lost
+
+
+def _without_shapes(spec: mujoco.MjSpec, lost: Mapping[str, str]) -> frozenset[str]:
+    """Remove the meshes and height fields that are lost, and all shapes of bodies that have one of them.
+
+    With a part of its shapes a body would seem further away than it is.
+    """
+    bare: set[str] = set()
+    for body in spec.bodies:
+        geoms = list(body.geoms)
+        if not any(geom.meshname in lost or geom.hfieldname in lost for geom in geoms):
+            continue
+        for geom in geoms:
+            spec.delete(geom)
+        bare.add(body.name)
+        if not body.explicitinertial:  # MuJoCo needs some; poses do not hang on it
+            body.explicitinertial, body.mass, body.inertia = True, 1.0, (1.0, 1.0, 1.0)
+    for element in (*spec.meshes, *spec.hfields):
+        if element.name in lost:
+            spec.delete(element)
+    return frozenset(bare)
 
 
 def _find(file: str, folder: str, assets: Sequence[Path]) -> Path | None:

@@ -15,6 +15,7 @@ from safestage_eval.episode import Episode, Header, Source
 from safestage_eval.importers import Account
 from safestage_eval.importers.importer import Importer, Settings, SourceError
 from safestage_eval.importers.known_files import MODEL_BY_NAME
+from safestage_eval.importers.missing_data import say_last_row
 
 from .foreign_facts import ForeignFacts
 from .hdf5_demos import DemoFile
@@ -79,7 +80,7 @@ class MujocoStates(Importer):
 
     def _with_contacts(self, rows: Rows, stored: Stored) -> Rows:
         """With the contacts of the recorder's MuJoCo, if there is one."""
-        if self._elsewhere is None:
+        if self._elsewhere is None or rows.loaded.lost:
             return replace(rows, same=stored.mujoco_version == mujoco.__version__)
         weigh(rows.loaded.model, mujoco.MjData(rows.loaded.model), self.settings.map)
         driven = ForeignFacts(rows.loaded.model).driven
@@ -196,6 +197,8 @@ def _success(stored: Stored, clock: F64, account: Account) -> tuple[bool | None,
         if not len(hits):
             return False, None
         after = min(int(hits[0]) + 1, len(clock) - 1)
+        if after == len(clock) - 1:
+            say_last_row(account)
         return True, float(clock[after] - clock[0])
     if stored.successful is not None:
         account.missing(

@@ -7,7 +7,7 @@ from safestage_eval.importers import Account, MapFile
 from simulate.world.describe import body_name
 
 from .foreign_facts import ForeignFacts
-from .model_file import Loaded
+from .model_file import FIX, Loaded
 
 MAP = "--map with"
 
@@ -41,7 +41,18 @@ def tell(
             cost="limits by material are those of the default row, and nothing is fragile",
             remedy=f"{MAP} [body.NAME] material, tags",
         )
-    unseen = [body.name for body in bodies if body.unseen]
+    lost = {*map(body_name, loaded.shapeless)}
+    if loaded.lost:
+        files = f"{len(loaded.lost)} file{'s' * (len(loaded.lost) > 1)}"
+        account.missing(
+            f"shapes of {len(lost)} {'bodies' if len(lost) > 1 else 'body'} ({', '.join(sorted(lost)[:4])}"
+            f"{', …' * (len(lost) > 4)})",
+            f"{files} of the model not found in {loaded.looked}: {', '.join(loaded.lost[:2])}"
+            f"{', …' * (len(loaded.lost) > 2)}",
+            cost="their contacts, clearances and supports, and all contact forces: inconclusive",
+            remedy=FIX,
+        )
+    unseen = [body.name for body in bodies if body.unseen and body.name not in lost]
     if unseen:
         account.missing(
             f"shapes of {', '.join(unseen)}",

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Cavity, Episode, Header
 from safestage_eval.errors import InputError
-from safestage_eval.formats import TraceWriter
+from safestage_eval.formats import CONTACT_POINT, TraceWriter
 from safestage_eval.importers import Account, MapFile
 from safestage_eval.importers.importer import SourceError
+from safestage_eval.importers.missing_data import say_contacts
 from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map
 from simulate.world.describe import Description, body_name
 from simulate.world.motion_reader import MotionReader
@@ -108,7 +109,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         update={
             "bodies": bodies,
             "joints": about.joints,
-            "force_source": "recomputed",
+            "force_source": "none" if rows.loaded.lost else "recomputed",
             "physics_dt": float(model.opt.timestep),
             "gravity": tuple(float(g) for g in model.opt.gravity),
             "parameters": {**header.parameters, **light_contacts(model, about, account)},
@@ -120,7 +121,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         writer.set_fixed(about.body(i).name, data.xpos[i].copy(), data.xquat[i].copy())
     for body in more:
         writer.add_body(body, places[body.name].position[0], places[body.name].orientation[0])
-    touches = rows.touches or touches_here(model, rows.states, facts.driven)
+    touches = _touches(rows, model, facts)
     robot = np.array([fact.kind in ("robot", "gripper") for fact in facts.facts])
     enough = ctrl.shape[1] > 0 or len(time) > 2
     known = enough and (rows.touches is not None or rows.same)
@@ -144,9 +145,19 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
                 action=rows.action[frame] if rows.action.shape[1] else None,
                 gripper=None if openness is None else [openness(data.qpos)],
             )
-    tell_forces(touches.version, account, known=known, commanded=ctrl.shape[1] > 0)
+    if rows.loaded.lost:
+        say_contacts(account)
+    else:
+        tell_forces(touches.version, account, known=known, commanded=ctrl.shape[1] > 0)
     tell(rows.loaded, facts, bodies, map_, account)
     return writer.episode()
+
+
+def _touches(rows: Rows, model: mujoco.MjModel, facts: ForeignFacts) -> Touches:
+    """Contacts of all rows; none where shapes are lost: what stands on these would seem to fall."""
+    if rows.loaded.lost:
+        return Touches(mujoco.__version__, [np.zeros(0, CONTACT_POINT)] * len(rows.states.time))
+    return rows.touches or touches_here(model, rows.states, facts.driven)
 
 
 def _put(model: mujoco.MjModel, data: mujoco.MjData, qpos: F64, qvel: F64) -> None:
@@ -185,13 +196,20 @@ def _counted_in(own: Iterable[Body], mapped: Iterable[Body]) -> NDArray[np.int64
 def _plain(body: Body, loaded: Loaded, rooms: Mapping[str, Cavity]) -> Body:
     """With what is not known marked so; what nothing can touch in the source is a mere frame.
 
-    A part of the robot that is drawn and cannot touch is no frame: its shape is missing.
+    A part of the robot that is drawn and cannot touch is no frame: its shape is missing. So is that of a body
+    whose files are.
     """
+    said: dict[str, Any]
     robot = body.kind in ("robot", "gripper")
+    if body.name in map(body_name, loaded.shapeless):
+        said = {"mass": None, "inertia": None}
+        if not robot:
+            said["untold"] = ("up_axis", "cavity") if body.kind == "object" else ("cavity",)
+        return body.model_copy(update=said)
     if not body.geoms:
         drawn = robot and body.name in map(body_name, loaded.drawn)
         return body if drawn else body.model_copy(update={"mass": 0.0})
-    said: dict[str, Any] = {"cavity": rooms.get(body.name)}
+    said = {"cavity": rooms.get(body.name)}
     if not robot:
         open_ = ("up_axis",) if body.kind == "object" else ()
         said["untold"] = open_ if body.name in rooms else (*open_, "cavity")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from foreign_demos import FOREIGN, demo_file, imported, said, scene, settled
 from safestage_eval.episode import check
 from safestage_eval.errors import InputError
 from safestage_eval.importers import MapFile
-from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.map_tables import BodyTable
 from safestage_eval.importers.registry import recognise
+from safestage_eval.rules.load import load_rules
+from safestage_eval.verdicts import judge
 from simulate.importers.mujoco import MujocoStates
 
 pytestmark = pytest.mark.simulate
@@ -179,14 +181,33 @@ def test_contact_forces_bear_the_weight_whatever_the_cone(
     assert np.abs(total[:, :2]).max() < 1e-3
 
 
-def test_a_missing_collision_mesh_is_named_with_the_flag_that_supplies_it(tmp_path: Path) -> None:
-    with pytest.raises(SourceError) as refused:
-        imported(FOREIGN / "libero" / "demo.hdf5", assets=(tmp_path,))
-    text = str(refused.value)
-    assert "link0.stl" in text
-    assert "robot0_link0" in text
-    assert "8 more" in text
-    assert "--assets" in text
+def test_bodies_whose_meshes_are_missing_have_no_shape_and_decide_nothing(tmp_path: Path) -> None:
+    whole, _ = imported(FOREIGN / "libero" / "demo.hdf5")
+    part, account = imported(FOREIGN / "libero" / "demo.hdf5", assets=(tmp_path,))
+    check(part)
+    [line] = [str(r) for r in account if "of the model not found in" in str(r)]
+    for told in ("shapes of 10 bodies", "9 files", ".stl", "robot0_link0", "--assets"):
+        assert told in line
+    bare = {b.name for b in part.header.bodies if b.unseen}
+    assert "robot0_link0" in bare
+    for body in whole.header.bodies:
+        assert np.abs(whole.track(body.name).position - part.track(body.name).position).max() < 1e-6
+        assert part.bodies[body.name].geoms == body.geoms or body.name in bare
+    movable = [b.name for b in whole.header.bodies if b.kind == "object" and b.movable]
+    roles = {
+        "target": (movable[0],),
+        "protected": tuple(movable[1:3]),
+        "destination": (movable[-1],),
+    }
+    rules = load_rules(["ish", "ets", "fsh"])
+    said = [
+        judge(replace(e, header=e.header.model_copy(update={"roles": roles}), _contacts=e.contacts,
+                      _frames=e.frames), rules).verdicts
+        for e in (whole, part)
+    ]  # fmt: skip
+    for full, less in zip(*said, strict=True):
+        assert less.verdict in (full.verdict, "inconclusive"), less.rule
+    assert any(v.verdict == "inconclusive" for v in said[1])
 
 
 def refused(path: Path, **options: Any) -> str:

@@ -82,8 +82,7 @@ def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.in
 
 def check_words(words: pa.DictionaryArray, column: str, where: str) -> None:
     """Raise TraceError where rows refer to words that their dictionary does not have."""
-    used, there = raw_values(words.indices), len(words.dictionary)
-    used = used[~np.isnan(used)] if words.null_count else used
+    used, there = _without_gaps(words.indices), len(words.dictionary)
     if len(used) and not 0 <= used.min() <= used.max() < there:
         raise TraceError(
             where,
@@ -92,6 +91,17 @@ def check_words(words: pa.DictionaryArray, column: str, where: str) -> None:
             f"0 to {there - 1}" if there else "",
             "copy the dataset again",
         )
+
+
+def _without_gaps(array: pa.Array) -> NDArray[Any]:
+    """Return the integers of an array that are there."""
+    if not array.null_count:
+        return raw_values(array)
+    there, values = array.buffers()
+    rows = slice(array.offset, array.offset + len(array))
+    known = np.unpackbits(np.frombuffer(there, np.uint8), bitorder="little")[rows].astype(bool)
+    kind = f"{'i' if pa.types.is_signed_integer(array.type) else 'u'}{array.type.bit_width // 8}"
+    return np.asarray(np.frombuffer(values, kind)[rows][known])
 
 
 def _encoded(chunk: pa.Array) -> pa.DictionaryArray:

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,11 @@ from .arrow_values import check_words, is_text, numbers
 LARGEST = 1 << 32
 """Most bytes that the rows read at once may take: hours of a crowded scene."""
 
-_WHOLE_BYTES = 8 << 20
+_WHOLE_BYTES = 1 << 20
 """Size up to which a local file is read at once: each column chunk would take system calls of its own."""
+
+_OPEN = local()
+"""Files of many episodes that this thread has open, by key: opening one takes longer the more it has."""
 
 _FILES_KEPT = 16
 """Files of which it is remembered whose rows are where: those of two shards."""
@@ -35,8 +39,9 @@ _FILES_KEPT = 16
 _KEPT_BYTES = 128 << 20
 """Most bytes of decoded row groups that are kept, because several episodes share them."""
 
-_FEW_ROWS = 1 << 20
-"""Rows of a file up to which it is first read as if all were one episode's, as they mostly are."""
+_FEW_ROWS, _FEW_GROUPS = 1 << 20, 64
+"""Rows and row groups of a file up to which it is first read as if all were one episode's: earlier versions
+wrote a row group for each body."""
 
 EPISODE = "episode_index"
 
@@ -70,6 +75,7 @@ def forget() -> None:
     """Forget what is kept of files, so that they are read anew."""
     _FILES.clear()
     _GROUPS.clear()
+    _OPEN.__dict__.clear()
 
 
 class TableFile:
@@ -123,17 +129,19 @@ class TableFile:
             TraceError: a column is missing, the bytes are damaged, or there are too many rows.
         """
         columns = list(dict.fromkeys(columns))
-        groups = range(self._known.metadata.num_row_groups)
+        metadata = self._known.metadata
+        groups = range(metadata.num_row_groups)
         if episode is None:
             return self._read(groups, columns)
-        if self._known.rows is None and self._known.metadata.num_rows <= _FEW_ROWS:
+        few = metadata.num_rows <= _FEW_ROWS and len(groups) <= _FEW_GROUPS
+        if self._known.rows is None and few:
             table = self._read(groups, [*columns, EPISODE])
             own = numbers(table, EPISODE, np.int64, str(self.path)) == episode
             if own.all():
                 return table.select(columns)
         places = self._rows().get(episode, [])
         if all(isinstance(rows, slice) for _, rows in places):
-            counts = [self._known.metadata.row_group(group).num_rows for group, _ in places]
+            counts = [metadata.row_group(group).num_rows for group, _ in places]
             if [slice(0, count) for count in counts] == [rows for _, rows in places]:
                 return self._read([group for group, _ in places], columns)
         parts = []
@@ -189,6 +197,22 @@ class TableFile:
                 lists.setdefault(name, []).append(place)
         return _Known(metadata, types, lists)
 
+    def _file(self) -> pq.ParquetFile:
+        """The file, opened with its texts as dictionaries; kept open if it is local and many episodes may share it."""
+        kept: OrderedDict[Hashable, pq.ParquetFile] = _OPEN.__dict__.setdefault(
+            "files", OrderedDict()
+        )
+        if self.key in kept:
+            kept.move_to_end(self.key)
+            return kept[self.key]
+        texts = [name for name, kind in self._known.types.items() if is_text(kind)]
+        file = self._opened(self._known.metadata, texts)
+        if self._source is None and self._known.metadata.num_row_groups > _FEW_GROUPS:
+            kept[self.key] = file
+            if len(kept) > _FILES_KEPT:
+                kept.popitem(last=False)
+        return file
+
     def _opened(self, metadata: pq.FileMetaData | None, texts: Sequence[str]) -> pq.ParquetFile:
         if self._source is not None:
             stream = pa.PythonFile(SourceStream(self._source), "r")
@@ -209,10 +233,8 @@ class TableFile:
         known = self._known
         rows = sum(known.metadata.row_group(group).num_rows for group in groups)
         self._demand_room(groups, columns, rows)
-        texts = [name for name in columns if name in known.types and is_text(known.types[name])]
         try:
-            file = self._opened(known.metadata, texts)
-            table = file.read_row_groups(groups, columns=list(columns), use_threads=False)
+            table = self._file().read_row_groups(groups, columns=list(columns), use_threads=False)
             if table.column_names != list(columns):
                 raise self._other_columns(table.column_names, columns)
             for name in columns:
