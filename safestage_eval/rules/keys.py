@@ -11,7 +11,7 @@ Kind = Literal[
     "call", "flag", "operands", "value", "budget", "per", "goal", "goal table", "base", "box", "axis",
     "side", "family", "codes", "rules", "sentence",
 ]  # fmt: skip
-"""The kinds of values; ``KINDS`` of ``read_tables`` and the schema know each of them."""
+"""The kinds of values; ``KINDS`` of ``read_kinds`` and the schema know each of them."""
 
 
 @dataclass(frozen=True)

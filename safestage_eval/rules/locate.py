@@ -148,7 +148,8 @@ class Locations:
                 self._position = match.end() if match else first + 1
                 part = self._text[first : self._position]
             else:
-                part = tomllib.loads(f"key = {quoted}")["key"]
+                bare = "\\" not in quoted and quoted[:3] not in ('"""', "'''")
+                part = quoted[1:-1] if bare else tomllib.loads(f"key = {quoted}")["key"]
             parts.append((part, (first, self._position)))
             self._skip()
             if self._text[self._position] != ".":

@@ -19,10 +19,11 @@ from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import string_parser
 from .clauses import CLAUSES
+from .keys import Key
 from .operations import OPERATIONS, OperationSpec
-from .read_tables import CODE, FORMAT
+from .read_kinds import CODE, FORMAT
 from .string_parser import NUMBER, pattern
-from .table_keys import IN_BIND, NAMED, REPEATED, TABLES, Key
+from .table_keys import IN_BIND, NAMED, REPEATED, TABLES
 
 FILE = "rules.schema.json"
 

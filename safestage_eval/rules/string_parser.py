@@ -8,7 +8,7 @@ Each node that names something knows at which character of its string it does. N
 from __future__ import annotations
 
 import re
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Literal, cast
 
 from safestage_eval.errors import shortened
@@ -38,11 +38,11 @@ ROLE_KINDS = (
     "object", "surface", "container", "fixture", "body", "link", "gripper", "region", "joint",
 )  # fmt: skip
 NAME = r"[a-z][a-z0-9_]*"
-NUMBER = r"\d+(?:\.\d+)?"
+NUMBER = r"[0-9]+(?:\.[0-9]+)?"
 UNIT = "|".join(sorted((re.escape(u) for u in UNIT_DIMENSION), key=len, reverse=True))
 TIME_UNITS = tuple(DIMENSIONS["time"])
 _TERMINALS = {
-    "NAME": NAME, "NUMBER": NUMBER, "INTEGER": r"\d+", "UNIT": UNIT, "KIND": "|".join(ROLE_KINDS)
+    "NAME": NAME, "NUMBER": NUMBER, "INTEGER": "[0-9]+", "UNIT": UNIT, "KIND": "|".join(ROLE_KINDS)
 }  # fmt: skip
 BODY = r"""(?:[A-Za-z_][\w.:/-]*|"[^"]+"|'[^']+')"""
 """Name of a body as other simulators give them, or any name in quotes."""
@@ -50,6 +50,10 @@ QUERY = rf"({NAME})\((?:{BODY}(?:, *{BODY})*)?\)"
 
 DEEPEST = 20
 """Spans that may lie within one another."""
+
+
+_remembered = lru_cache(4096)
+"""Rules say the same again and again; nodes are never changed."""
 
 
 class GrammarError(ValueError):
@@ -128,6 +132,7 @@ def setting(value: str | float) -> ast.Setting:
     return ast.Duration(number.value, text=number.text)
 
 
+@_remembered
 def limit(text: Any) -> ast.Limit:
     """``">= 8 cm"``, ``"< zone_reach"``, ``"<= -drop"``, ``"<= max_tilt(target)"``."""
     match = re.fullmatch(r"(>=|<=|>|<) ?(.+)", text) if isinstance(text, str) else None
@@ -150,7 +155,7 @@ def value_of(text: str, first: int = 0) -> ast.Value:
 
 def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
     """``"at least 2 fruit"`` → ("least", 2, "fruit"); None if it is no count."""
-    match = re.fullmatch(rf"at (least|most) (\d+) ({NAME})", text)
+    match = re.fullmatch(rf"at (least|most) ([0-9]+) ({NAME})", text)
     if match is None:
         return None
     return cast('Literal["least", "most"]', match[1]), int(_few(match[2])), match[3]
@@ -306,6 +311,7 @@ class _Text:
         return ast.SignalAtom(left, ())
 
 
+@_remembered
 def duration(text: str) -> ast.Duration | ast.Parameter:
     """``"0.5 s"``, ``"3 frames"``, ``"3 frames @ 120 Hz"`` or the name of a parameter."""
     node: ast.Duration | ast.Parameter | None = _Text(text).whole(_Text.duration)
@@ -325,6 +331,7 @@ def call(text: str) -> ast.Call:
     return node
 
 
+@_remembered
 def event(text: str) -> ast.Event:
     """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
     node: ast.Event | None = _Text(text).whole(_Text.event)
@@ -336,6 +343,7 @@ def event(text: str) -> ast.Event:
     return node
 
 
+@_remembered
 def span(text: str) -> ast.Span:
     """``"last 1 s of hold"``, ``"from start to success"``, …. Raises GrammarError."""
     if len(re.findall(r" while |(?:^| of )(?:first|last) ", text)) > DEEPEST:
@@ -353,6 +361,7 @@ def span(text: str) -> ast.Span:
     return node
 
 
+@_remembered
 def atom(text: str) -> ast.SignalAtom | ast.PastAtom | ast.PairAtom:
     """The left side of an entry: ``"displacement(cup) since success"``, ``"p(a) iff q(b)"``."""
     node: ast.SignalAtom | ast.PastAtom | ast.PairAtom | None = _Text(text).whole(_Text.atom)
