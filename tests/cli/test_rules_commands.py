@@ -205,8 +205,11 @@ def test_a_new_rule_is_sound_and_its_scenes_are_as_it_says(
     signal: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for arguments in (["new", "mine.toml", "--signal", signal], ["check", "mine.toml"], ["test", "mine.toml"]):
-        done = CliRunner().invoke(command, arguments)
-        assert done.exit_code == 0, done.output
-    again = CliRunner().invoke(command, ["new", "mine.toml", "--signal", signal])
-    assert again.exit_code != 0
+    for arguments in (
+        ["new", "mine.toml", "--signal", signal],
+        ["check", "mine.toml"],
+        ["test", "mine.toml"],
+    ):
+        done = run("rules", *arguments)
+        assert done.code == 0, done.err
+    assert run("rules", "new", "mine.toml", "--signal", signal).code == 2
