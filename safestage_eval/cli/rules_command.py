@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -14,6 +15,7 @@ from .shared_options import (
     jobs_option,
     output_option,
     progress,
+    wants_color,
     written,
 )
 from .terminal import say, say_lines
@@ -21,13 +23,14 @@ from .terminal import say, say_lines
 
 @click.group("rules")
 def command() -> None:
-    """Check, explain, compare and test rule files.
+    """Check, explain, compare, test and begin rule files.
 
     \b
     Examples:
       safestage rules check mine.toml
       safestage rules show ETS201
       safestage rules signals clearance
+      safestage rules new mine.toml --signal edge_margin
       safestage rules test mine.toml --mutate
     """
 
@@ -55,8 +58,9 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         click.echo(to_json([d.to_dict() for d in diagnostics], 1))
     else:
+        color = wants_color(sys.stderr)
         for text in rendered(diagnostics):
-            say_lines(text + "\n\n", err=True)
+            say_lines(text + "\n\n", err=True, color=color)
         if diagnostics:
             say(count(len(diagnostics), "problem"), err=True)
         else:
@@ -97,6 +101,39 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
         click.echo(to_json(rules_facts, 1))
     else:
         say_lines("\n".join(map(explain_rule, rules_facts)))
+
+
+@command.command("new")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.option(
+    "--signal",
+    required=True,
+    metavar="NAME",
+    help="What it shall be about: `safestage rules signals` lists them.",
+)
+@click.option(
+    "--code",
+    default="ETS901",
+    show_default=True,
+    help="Its code: three capital letters, three digits.",
+)
+def new(file: Path, signal: str, code: str) -> None:
+    """Write a first rule: a commented file, one scene that passes it and one that violates it.
+
+    The scenes are built-in sketches, copied to the folder "examples" beside FILE; the limit lies between
+    what they measure. Change all three.
+
+    \b
+    Example:
+      safestage rules new mine.toml --signal edge_margin
+    """
+    from .new_rule import write_rule
+
+    if file.suffix != ".toml":
+        raise click.UsageError("FILE ends in .toml")
+    for path in write_rule(file, signal, code):
+        say(str(path))
+    say(f"next: safestage rules test {file}")
 
 
 @command.command("signals")
@@ -198,8 +235,8 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     help="Find examples that are named by episode id in these traces. Repeatable.",
 )  # fmt: skip
 @click.option(
-    "--least", type=click.IntRange(0), metavar="N", default=2, show_default=True,
-    help="Demand N violating and N passing examples per rule.",
+    "--least", type=click.IntRange(0), metavar="N",
+    help="Demand N violating and N passing examples per rule: 1, without RULES 2.",
 )  # fmt: skip
 @click.option(
     "--mutate", is_flag=True,
@@ -224,7 +261,7 @@ def test(
     ctx: click.Context,
     rules: tuple[str, ...],
     traces: tuple[str, ...],
-    least: int,
+    least: int | None,
     mutate: bool,
     kinds: tuple[str, ...],
     deep: bool,
@@ -280,7 +317,7 @@ def test(
         suites, hunted = check_sets(
             sets,
             recorded,
-            least=least,
+            least=(1 if rules else 2) if least is None else least,
             kinds=(kinds or KINDS) if mutate else (),
             deep=deep,
             jobs=jobs,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
-from typing import Protocol
+from typing import Any, Protocol
 
 import click
 
@@ -42,9 +43,28 @@ def say(text: str, *, err: bool = False) -> None:
     _print(printable(text), err=err)
 
 
-def say_lines(text: str, *, err: bool = False) -> None:
-    """Print lines that were made of printable names; their other control characters are escaped."""
-    _print(printable_lines(text), err=err, nl=bool(text) and not text.endswith("\n"))
+def say_lines(text: str, *, err: bool = False, color: bool = False) -> None:
+    """Print lines that were made of printable names; their other control characters are escaped.
+
+    ``color``: errors, the words that they mean and what to do about them stand out.
+    """
+    shown = printable_lines(text)
+    if color:
+        for mark, look in _LOOKS.items():
+            shown = re.sub(
+                mark, lambda found, look=look: click.style(found[0], **look), shown, flags=re.M
+            )  # type: ignore[misc]
+    _print(shown, err=err, nl=bool(text) and not text.endswith("\n"))
+
+
+_LOOKS: dict[str, dict[str, Any]] = {
+    r"^error\[\w+\](?=:)": {"fg": "red", "bold": True},
+    r"(?<=\| )[ \t]*\^+$": {"fg": "red"},
+    r"^ *= fix:": {"fg": "green"},
+    r"^ *= allowed:": {"fg": "blue"},
+    r"^ *-->": {"dim": True},
+}
+"""Parts of a diagnostic → how they look."""
 
 
 def _print(text: str, *, err: bool, nl: bool = True) -> None:

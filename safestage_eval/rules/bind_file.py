@@ -18,25 +18,22 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from safestage_eval.episode import Episode, Header, with_header
-from safestage_eval.errors import RuleError, did_you_mean
+from safestage_eval.errors import RuleError
 
 from . import syntax as ast
-from . import syntax_builder, table_checks
 from .body_facts import BodyFacts, with_facts
-from .check import check_goal
 from .command_binding import CommandBinding, command_binding
-from .condition_checks import Usage
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, builtin_folder, read_toml
-from .locate import Keys
 from .names import Names
+from .read_tables import Tables
+from .read_values import Place, Scope
 
 BIND = "bind"
 """The folder of those that come along, among the rules."""
@@ -154,87 +151,38 @@ def bind_tables(
     Raises:
         RuleErrors: with every problem at once.
     """
-    checker = _Checker(rules, RuleFile(path, text, dict(tables), asked=True))
-    tasks, episodes = checker.entries("task"), checker.entries("episode")
-    every, bodies = checker.every(), checker.bodies()
-    checker.strangers()
-    if checker.problems:
-        raise RuleErrors(checker.problems)
-    return BindFile(path, tasks, episodes, every, bodies)
+    problems: list[Diagnostic] = []
+    reader = Tables(RuleFile(path, text, dict(tables), asked=True), Names.of_rules(rules), problems)
 
-
-class _Checker:
-    def __init__(self, rules: ast.RuleSet, file: RuleFile) -> None:
-        self.problems: list[Diagnostic] = []
-        self._rules, self._names, self._file = rules, Names.of_rules(rules), file
-        self._usage = Usage(file, self._names, self.problems)
-
-    def strangers(self) -> None:
-        """Tables that a bind file does not have."""
-        for name in self._file.table:
-            if name not in (*KINDS, EVERY):
-                self._usage.report(
-                    "R201", (name,), f'a bind file has no table "{name}"',
-                    "[every], [task.NAME], [episode.ID], [body.NAME]",
-                    did_you_mean(name, (*KINDS, EVERY)), key=True,
-                )  # fmt: skip
-
-    def entries(self, kind: str) -> dict[str, ast.TaskDef]:
-        """Name or id → what is bound, of one kind of table."""
-        out = {}
-        for name, table in self._tables(kind).items():
-            before = len(self.problems)
-            bound = self._entry(name, table, (kind, name))
-            if len(self.problems) == before:
-                out[name] = bound
-        return out
-
-    def every(self) -> ast.TaskDef | None:
-        """Bindings that hold in every episode."""
-        table = self._file.table.get(EVERY)
-        return None if table is None else self._entry("", table, (EVERY,))
-
-    def bodies(self) -> dict[str, BodyFacts]:
-        """Name or pattern → what is said of the bodies."""
-        out = {}
-        for name, table in self._tables("body").items():
-            good = table_checks.table(self._usage, "described", table, ("body", name))
-            up = good.get("up")
-            axis: tuple[float, ...] | Literal[False] | None = (
-                up if up is None or up is False else tuple(map(float, up))
-            )
-            out[name] = BodyFacts(
-                axis, good.get("finger"), good.get("material"), tuple(good.get("tags", ()))
-            )
-        return out
-
-    def _tables(self, kind: str) -> Mapping[str, Any]:
-        tables = self._file.table.get(kind, {})
-        if isinstance(tables, Mapping):
-            return tables
-        self._usage.report("R203", (kind,), f'"{kind}" must be a table', f"[{kind}.NAME]")
+    def named(kind: str, keys: str) -> dict[str, dict[str, Any]]:
+        """Name, id or pattern → what is said of it."""
+        given = tables.get(kind, {})
+        if isinstance(given, Mapping):
+            read = {name: Place((kind, name)) for name in given}
+            return {n: reader.table(keys, given[n], at, Scope("")) for n, at in read.items()}
+        reader.report("R203", Place((kind,)), f'"{kind}" must be a table', f"[{kind}.NAME]")
         return {}
 
-    def _entry(self, name: str, table: Any, keys: Keys) -> ast.TaskDef:
-        good = table_checks.table(self._usage, "bound", table, keys)
-        for index, code in enumerate(good.get("rules", ())):
-            if not re.fullmatch(table_checks.CODE, code):
-                self._usage.report(
-                    "R203", (*keys, "rules", index), f'"{code}" is not a code',
-                    "three capital letters and three digits: ETS101",
-                )  # fmt: skip
-        table_checks.players(self._usage, good, keys)
-        for parameter, value in good.get("set", {}).items():
-            self._usage.setting(parameter, value, (*keys, "set", parameter))
-        goal = self._goal(good.get("goal"), (*keys, "goal"))
-        if self.problems:
-            return ast.TaskDef(name)
-        return syntax_builder.task(name, {**good, "goal": goal})
-
-    def _goal(self, goal: Any, keys: Keys) -> ast.GoalDef | str | None:
-        if goal is None or isinstance(goal, str):
-            return goal
-        problems = check_goal(self._names, goal, self._file.path, self._file, keys)
-        self.problems += problems
-        builder = syntax_builder.Builder(frozenset(self._rules.phases))
-        return None if problems else builder.goal("bind file", goal)
+    tasks, episodes, bodies = (
+        named("task", "bound"),
+        named("episode", "bound"),
+        named("body", "described"),
+    )
+    every = None
+    if EVERY in tables:
+        every = reader.table("bound", tables[EVERY], Place((EVERY,)), Scope(""))
+    for name in tables:
+        if name not in (*KINDS, EVERY):
+            reader.report(
+                "R201", Place((name,), key=True), f'a bind file has no table "{name}"',
+                "[every], [task.NAME], [episode.ID], [body.NAME]", near=(name, (*KINDS, EVERY)),
+            )  # fmt: skip
+    if problems:
+        raise RuleErrors(problems)
+    return BindFile(
+        path,
+        {name: ast.TaskDef(name, **bound) for name, bound in tasks.items()},
+        {name: ast.TaskDef(name, **bound) for name, bound in episodes.items()},
+        None if every is None else ast.TaskDef("", **every),
+        {name: BodyFacts(**said) for name, said in bodies.items()},
+    )

@@ -11,22 +11,21 @@ import numpy as np
 
 from safestage_eval.episode import Body
 
+from .keys import key
+
 
 @dataclass(frozen=True)
 class BodyFacts:
-    """One ``[body.NAME]``; None and no tags: as the header has it.
+    """One ``[body.NAME]``; None and no tags: as the header has it. An axis may be of any length."""
 
-    Attributes:
-        up: axis of the body frame that points up, of any length; False: it has none.
-        finger: side of a finger.
-        material: row of ``[material.NAME]``.
-        tags: instead of the header's.
-    """
-
-    up: tuple[float, ...] | Literal[False] | None = None
-    finger: Literal["left", "right"] | None = None
-    material: str | None = None
-    tags: tuple[str, ...] = ()
+    up: tuple[float, ...] | Literal[False] | None = key(
+        "axis", "Axis of the body frame that points up; false: it has none.", default=None
+    )
+    finger: Literal["left", "right"] | None = key(
+        "side", "Side of a finger of the gripper.", default=None
+    )
+    material: str | None = key("text", "Row of [material.NAME].", default=None)
+    tags: tuple[str, ...] = key("texts", "fragile, liquid, sharp, … (free).", default=())
 
 
 def with_facts(body: Body, facts: Mapping[str, BodyFacts]) -> Body:

@@ -9,12 +9,11 @@ from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
-from .condition_checks import Usage
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
 from .names import Names, table_of
-from .reference_checks import Read, Scope
+from .read_values import Place, Read, Scope, Values
 
 _Accepts = Callable[[Signal | Relation], bool]
 
@@ -30,7 +29,7 @@ def _joint(spec: Signal | Relation) -> bool:
 DEEPEST = 100
 """Definitions that may rest on one another, one by way of the next."""
 
-Scopes = Mapping[Read, tuple[Usage, Scope]]
+Scopes = Mapping[Read, tuple[Values, Scope]]
 """Definition or rule → the file that says it last, and what it uses."""
 
 
@@ -105,9 +104,8 @@ class Coherence:
                     circles.add(frozenset(circle))
                     usage, scope = self._scopes[read]
                     way = " → ".join(name for _, name in (*circle, read))
-                    usage.report(
-                        "R410", read, f"{scope.label} is defined by itself: {way}", key=True
-                    )
+                    what = f"{scope.label} is defined by itself: {way}"
+                    usage.report("R410", Place(read, key=True), what)
                 return 0
             if read in heights or read not in self._scopes:
                 return heights.get(read, 0)
@@ -119,7 +117,7 @@ class Coherence:
                 too_deep = True
                 usage, scope = self._scopes[read]
                 what = f"{scope.label} rests on {DEEPEST} definitions, one on the other"
-                usage.report("R410", read, what, key=True)
+                usage.report("R410", Place(read, key=True), what)
             heights[read] = height
             return height
 

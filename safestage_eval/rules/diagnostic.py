@@ -50,8 +50,8 @@ class Diagnostic:
             f"{number} | {self.source}",
             f"{margin} | {lead}{'^' * min(self.length, max(1, len(self.source) - len(lead)))}",
         ]
-        lines += [f"{margin} = allowed: {shortened(self.allowed)}"] if self.allowed else []
         lines += [f"{margin} = fix: {shortened(self.fix)}"] if self.fix else []
+        lines += [f"{margin} = allowed: {shortened(self.allowed)}"] if self.allowed else []
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:

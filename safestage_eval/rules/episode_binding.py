@@ -16,9 +16,8 @@ from safestage_eval.episode import Header
 from safestage_eval.errors import RuleError, nearest
 
 from . import syntax as ast
-from . import syntax_builder
 from .bind_file import BindFile
-from .check import check_goal
+from .check import read_goal
 from .names import Names
 from .overrides import parse_overrides, setting
 from .role_players import bodies_of, demand_players
@@ -280,8 +279,8 @@ def _goal(
         return None, (f'goal "{name}" is not among the loaded rules: success is not recomputed',)
     if not isinstance(header.goal, dict):
         return None, ()
-    problems = check_goal(Names.of_rules(rules), header.goal, "trace header")
+    problems, read = read_goal(Names.of_rules(rules), header.goal, "trace header")
     if problems:
         first = problems[0]
         raise RuleError("trace header, goal", f"{first.what}.", first.allowed, first.fix)
-    return syntax_builder.Builder(frozenset(rules.phases)).goal("header", header.goal), ()
+    return read, ()

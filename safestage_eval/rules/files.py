@@ -45,10 +45,20 @@ class RuleFile:
         return _locations(self.text)
 
     def diagnostic(
-        self, code: str, keys: Keys, what: str, allowed: str = "", fix: str = "", *, key: bool
+        self,
+        code: str,
+        keys: Keys,
+        what: str,
+        allowed: str = "",
+        fix: str = "",
+        *,
+        key: bool,
+        within: tuple[int, int] | None = None,
     ) -> Diagnostic:
-        """A problem at an entry: at its key, or at its value."""
+        """A problem at an entry: at its key, or at its value; ``within``: character and length in its string."""
         spot = self.locations.key(keys) if key else self.locations.value(keys)
+        if within is not None:
+            spot = self.locations.part(spot, *within)
         line, cut = self.locations.around(spot)
         return Diagnostic(
             self.path, spot.line, spot.column, code, what, allowed, fix, line, spot.length, cut

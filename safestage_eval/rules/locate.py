@@ -60,6 +60,15 @@ class Locations:
         """Where the value stands; its key, or the nearest table around it, if it is a table."""
         return self._spot(path, (self._values, self._keys))
 
+    def part(self, spot: Spot, first: int, length: int) -> Spot:
+        """Some characters of the string at a spot; all of it, where it is written with escapes."""
+        start = self._starts[spot.line - 1] + spot.column - 1
+        literal = self._text[start : start + spot.length]
+        quote = 0 if _BARE_KEY.fullmatch(literal) else 1
+        if "\\" in literal or literal[:3] in ('"""', "'''") or first + length + quote > spot.length:
+            return spot
+        return Spot(spot.line, spot.column + quote + first, length)
+
     def line(self, number: int) -> str:
         """A line (counted from 1) without its end."""
         first, stop = self._line(number)
@@ -139,7 +148,8 @@ class Locations:
                 self._position = match.end() if match else first + 1
                 part = self._text[first : self._position]
             else:
-                part = tomllib.loads(f"key = {quoted}")["key"]
+                bare = "\\" not in quoted and quoted[:3] not in ('"""', "'''")
+                part = quoted[1:-1] if bare else tomllib.loads(f"key = {quoted}")["key"]
             parts.append((part, (first, self._position)))
             self._skip()
             if self._text[self._position] != ".":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
@@ -196,13 +196,6 @@ def a_dimension(dimension: str) -> str:
     if dimension == "ratio":
         units += " or a plain number"
     return f"{an(dimension)} ({units})"
-
-
-class Near(NamedTuple):
-    """Arguments of a ``did_you_mean`` that is called only for the problems that are shown."""
-
-    name: str
-    among: Iterable[str]
 
 
 def unfit(name: str) -> str:

@@ -17,30 +17,17 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
-from . import string_parser, table_checks
+from . import string_parser
 from .clauses import CLAUSES
+from .keys import Key
 from .operations import OPERATIONS, OperationSpec
-from .table_keys import IN_BIND, NAMED, REPEATED, TABLES, Key
+from .read_kinds import CODE, FORMAT
+from .string_parser import NUMBER, pattern
+from .table_keys import IN_BIND, NAMED, REPEATED, TABLES
 
 FILE = "rules.schema.json"
 
 _NAME = string_parser.NAME
-_SPAN_BASE = (
-    f"(?:episode|{_NAME}|{string_parser.CALL}|{string_parser.DURATION} (?:before|after) {string_parser.EVENT}"
-    f"|from {string_parser.EVENT} to {string_parser.EVENT})"
-)
-_SPAN = (
-    f"(?:(?:first|last) {string_parser.DURATION} of )*{_SPAN_BASE}(?: while {string_parser.CALL})*"
-)
-_ROLE = (
-    f"(?:(?:every )?(?:{'|'.join(string_parser.ROLE_KINDS)})"
-    f"|every (?:{'|'.join(string_parser.ROLE_KINDS)}) (?:un)?named)(?: tagged {_NAME})?"
-    f"(?: except {_NAME}(?:, *{_NAME})*)?"
-)
-_COUNT = rf"at (?:least|most) \d+ {_NAME}"
-_REFERENCE = rf"-?{_NAME}(?:\({_NAME}\))?"
-_ANY_QUANTITY = f"-?{string_parser.NUMBER}(?: ?(?:{string_parser.UNIT}))?"
-_LIMIT = f"(?:>=|<=|>|<) ?(?:{_ANY_QUANTITY}|{_REFERENCE})"
 
 
 def schema() -> dict[str, Any]:
@@ -125,14 +112,14 @@ def _option(option: Option) -> dict[str, Any]:
     match option.kind:
         case "time":
             units = "|".join(string_parser.TIME_UNITS)
-            text = rf"{string_parser.NUMBER} (?:{units})|\d+ {string_parser.FRAMES} @ {string_parser.NUMBER} Hz"
+            text = rf"{NUMBER} (?:{units})|\d+ frames? @ {NUMBER} Hz"
             return _text(f"{text}|{_NAME}" if option.param else text)
         case "length":
-            return _text(f"{string_parser.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})")
+            return _text(f"{NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})")
         case "channel":
             return _text(_NAME)
         case "box":
-            length = f"-?{string_parser.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})"
+            length = f"-?{NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})"
             corner = {**_list(_text(length)), "minItems": 3, "maxItems": 3}
             return {**_list(corner), "minItems": 2, "maxItems": 2}
     return {"enum": list(option.choices or (*UNIT_DIMENSION, "1"))}
@@ -141,17 +128,17 @@ def _option(option: Option) -> dict[str, Any]:
 def _key(key: Key) -> dict[str, Any]:
     names = f"^{_NAME}$"
     match key.kind:
-        case "text" | "goal" | "goal table":
+        case "text" | "sentence" | "goal" | "goal table" | "family":
             return {"type": "string"}
         case "base":
             return {"enum": list(SIGNALS)}
         case "box":
             return {"type": "array"}
         case "format":
-            return {"const": table_checks.FORMAT}
+            return {"const": FORMAT}
         case "code":
-            return _text(table_checks.CODE)
-        case "texts":
+            return _text(CODE)
+        case "texts" | "rules" | "codes":
             return {"type": "array", "items": {"type": "string"}}
         case "names":
             return {"type": "array", "items": _text(_NAME), "uniqueItems": True}
@@ -160,17 +147,17 @@ def _key(key: Key) -> dict[str, Any]:
         case "alternatives":
             one = {"$ref": "#/definitions/alternative"}
             lone = {"allOf": [{"$ref": "#/definitions/condition"}, {"maxProperties": 1}]}
-            return {"anyOf": [_text(string_parser.EVENT), lone, _list(one)]}
+            return {"anyOf": [_text(pattern("EVENT")), lone, _list(one)]}
         case "span":
-            return _text(_SPAN)
+            return _text(pattern("SPAN"))
         case "event":
-            return _text(string_parser.EVENT)
+            return _text(pattern("EVENT"))
         case "duration":
-            return _text(string_parser.DURATION)
+            return _text(pattern("DURATION"))
         case "call":
-            return _text(string_parser.CALL)
+            return _text(pattern("CALL"))
         case "roles":
-            return _mapping(names, _text(_ROLE))
+            return _mapping(names, _text(pattern("ROLE")))
         case "players":
             several = {"type": "array", "items": {"type": "string"}}  # an empty list: no body
             return _mapping(names, {"anyOf": [{"type": "string"}, several]})
@@ -188,8 +175,13 @@ def _key(key: Key) -> dict[str, Any]:
             return {"type": "boolean"}
         case "number":
             return {"type": "number"}
-        case "value":
-            return {"anyOf": [{"type": "number"}, _text(f"(?:{_ANY_QUANTITY}|{_REFERENCE})")]}
+        case "value" | "budget":
+            return {
+                "anyOf": [
+                    {"type": "number"},
+                    _text(f"(?:{pattern('QUANTITY')}|{pattern('REFERENCE')})"),
+                ]
+            }
         case "per":
             return {"enum": ["start", "second", "step"]}
         case "axis" | "side":
@@ -199,9 +191,9 @@ def _key(key: Key) -> dict[str, Any]:
 def _operands(operation: OperationSpec) -> dict[str, Any]:
     """A list of signals and constants, or just one signal; of ``holds`` a state."""
     if operation.of_state:
-        return _text(string_parser.CALL)
-    since = f"(?: since {string_parser.EVENT})?"
-    one = _text(f"(?:{string_parser.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
+        return _text(pattern("CALL"))
+    since = f"(?: since {pattern('EVENT')})?"
+    one = _text(f"(?:{pattern('CALL')}{since}|{pattern('QUANTITY')}|-?{_NAME})")
     several = _list({"anyOf": [{"type": "number"}, one]})
     several |= {"minItems": operation.least, "maxItems": operation.most}
     return {"anyOf": [one, several]} if operation.least == 1 else several
@@ -212,7 +204,7 @@ def _condition(nested: str | None) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     for spec in SIGNALS.values():
         limit = _text(_limit_of(spec))
-        since = f"(?: since {string_parser.EVENT})?" if spec.since else ""
+        since = f"(?: since {pattern('EVENT')})?" if spec.since else ""
         if any(option.required and option.name != spec.named for option in spec.options):
             continue  # only variants of it can be used
         for arity in spec.arities:
@@ -222,18 +214,18 @@ def _condition(nested: str | None) -> dict[str, Any]:
             }
     for relation in RELATIONS.values():
         entries[f"^{_call(relation.name, len(relation.args))}$"] = {
-            "anyOf": [{"type": "boolean"}, _text(_COUNT)],
+            "anyOf": [{"type": "boolean"}, _text(pattern("COUNT"))],
             "description": relation.meaning,
         }
-    bounds = rf"\[{string_parser.DURATION}(?:, *{string_parser.DURATION})?\]"
-    of_states = (
-        f"(?:once|always)(?:{bounds})? {string_parser.CALL}|{string_parser.CALL} since{bounds} {string_parser.CALL}"
-        f"|{string_parser.CALL} (?:iff|xor) {string_parser.CALL}"
-    )
-    entries[f"^(?:{of_states})$"] = {"type": "boolean"}
+    entries[f"^{pattern('PAST')}$"] = {"type": "boolean"}
     built_in = "|".join([*SIGNALS, *RELATIONS])
-    entries[rf"^(?!(?:{built_in})\(){string_parser.CALL}(?: since {string_parser.EVENT})?$"] = {
-        "anyOf": [{"type": "boolean"}, _text(_COUNT), _text(_LIMIT), _list(_text(_LIMIT))]
+    entries[rf"^(?!(?:{built_in})\(){pattern('CALL')}(?: since {pattern('EVENT')})?$"] = {
+        "anyOf": [
+            {"type": "boolean"},
+            _text(pattern("COUNT")),
+            _text(pattern("LIMIT")),
+            _list(_text(pattern("LIMIT"))),
+        ]
     }
     properties = {} if nested is None else {"any": _list({"$ref": f"#/definitions/{nested}"})}
     return {
@@ -246,7 +238,7 @@ def _condition(nested: str | None) -> dict[str, Any]:
 
 
 def _alternative(condition: str) -> dict[str, Any]:
-    return {"anyOf": [_text(string_parser.EVENT), {"$ref": f"#/definitions/{condition}"}]}
+    return {"anyOf": [_text(pattern("EVENT")), {"$ref": f"#/definitions/{condition}"}]}
 
 
 def _limit_of(spec: Signal) -> str:
@@ -258,7 +250,7 @@ def _limit_of(spec: Signal) -> str:
         unit = f"(?:{unit})?"
     if spec.dimension == "number":
         unit = ""
-    return f"(?:>=|<=|>|<) ?(?:-?{string_parser.NUMBER}{unit}|{_REFERENCE})"
+    return f"(?:>=|<=|>|<) ?(?:-?{NUMBER}{unit}|{pattern('REFERENCE')})"
 
 
 def _call(name: str, arity: int) -> str:
@@ -266,12 +258,12 @@ def _call(name: str, arity: int) -> str:
 
 
 def _setting() -> dict[str, Any]:
-    frames = rf"{string_parser.NUMBER} {string_parser.FRAMES}(?: @ {string_parser.NUMBER} Hz)?"
-    return {"anyOf": [{"type": "number"}, _text(f"(?:{_ANY_QUANTITY}|{frames})")]}
+    frames = rf"{NUMBER} frames?(?: @ {NUMBER} Hz)?"
+    return {"anyOf": [{"type": "number"}, _text(f"(?:{pattern('QUANTITY')}|{frames})")]}
 
 
 def _quantity() -> dict[str, Any]:
-    return {"anyOf": [{"type": "number"}, _text(_ANY_QUANTITY)]}
+    return {"anyOf": [{"type": "number"}, _text(pattern("QUANTITY"))]}
 
 
 def _text(pattern: str) -> dict[str, Any]:

@@ -1,22 +1,14 @@
-"""The strings of the rule language: text in, syntax tree out.
+"""The strings of the rule language: their grammar, and one parser from text to syntax tree.
 
-A small regular grammar, matched by hand; nothing is ever evaluated::
-
-    LIMIT = (>= <= > <) ([-]number unit | [-]param | [-]column(role))
-    ATOM  = name(roles) ["since" EVENT]
-          | once|always ["[" DUR ["," DUR] "]"] state(roles)
-          | state(roles) since "[" DUR ["," DUR] "]" state(roles)
-          | state(roles) iff|xor state(roles)
-    EVENT = start | end | success | ["start of"|"end of"] state(roles)
-    SPAN  = (episode | phase | phase(roles) | state(roles) | first|last DUR of SPAN
-             | DUR before|after EVENT | from EVENT to EVENT) ["while" state(roles)]
-    DUR   = n s|ms|min|frames [@ r Hz] | param
-    ROLE  = ["every"] kind ["named"|"unnamed"] ["tagged" t] ["except" role, …]
+``GRAMMAR`` is what the schema's patterns, the page of the language and the law that tests this parser are made
+from. The parser binds like this, the tightest first: a call, ``of``, ``before`` and ``after``, ``since``, ``while``.
+Each node that names something knows at which character of its string it does. Nothing is ever evaluated.
 """
 
 from __future__ import annotations
 
 import re
+from functools import cache, lru_cache
 from typing import Any, Literal, cast
 
 from safestage_eval.errors import shortened
@@ -24,23 +16,44 @@ from safestage_eval.units import DIMENSIONS, FINITE, LONGEST, UNIT_DIMENSION, fi
 
 from . import syntax as ast
 
-NAME = r"[a-z][a-z0-9_]*"
-NUMBER = r"\d+(?:\.\d+)?"
-CALL = rf"{NAME}\((?:{NAME}(?:, *{NAME})*)?\)"
-BODY = r"""(?:[A-Za-z_][\w.:/-]*|"[^"]+"|'[^']+')"""
-"""Name of a body as other simulators give them, or any name in quotes."""
-QUERY = rf"({NAME})\((?:{BODY}(?:, *{BODY})*)?\)"
-EVENT = rf"(?:start|end|success|(?:start of |end of )?{CALL})"
-FRAMES = r"frames?"
-TIME_UNITS = tuple(DIMENSIONS["time"])
-DURATION = rf"(?:{NUMBER} (?:{'|'.join(TIME_UNITS)})|\d+ {FRAMES}(?: @ {NUMBER} Hz)?|{NAME})"
-UNIT = "|".join(sorted((re.escape(u) for u in UNIT_DIMENSION), key=len, reverse=True))
+GRAMMAR = {
+    "CALL": r"{NAME}\(({NAME}(, *{NAME})*)?\)",
+    "EVENT": "start|end|success|(start of |end of )?{CALL}",
+    "DURATION": "{NUMBER} (s|ms|min)|{INTEGER} frames?( @ {NUMBER} Hz)?|{NAME}",
+    "QUANTITY": "-?{NUMBER}( ?{UNIT})?",
+    "REFERENCE": r"-?{NAME}(\({NAME}\))?",
+    "LIMIT": "(>=|<=|>|<) ?({QUANTITY}|{REFERENCE})",
+    "COUNT": "at (least|most) {INTEGER} {NAME}",
+    "AGO": r"\[{DURATION}(, *{DURATION})?\]",
+    "PAST": "(once|always){AGO}? {CALL}|{CALL} since{AGO} {CALL}|{CALL} (iff|xor) {CALL}",
+    "ATOM": "{CALL}( since {EVENT})?|{PAST}",
+    "SPAN": "((first|last) {DURATION} of )*"
+    "(episode|{NAME}|{CALL}|{DURATION} (before|after) {EVENT}|from {EVENT} to {EVENT})"
+    "( while {CALL})*",
+    "ROLE": "((every )?{KIND}|every {KIND} (named|unnamed))( tagged {NAME})?( except {NAME}(, *{NAME})*)?",
+}
+"""Production → its words, and other productions in braces. | or, ? perhaps, * any number of times."""
+
 ROLE_KINDS = (
     "object", "surface", "container", "fixture", "body", "link", "gripper", "region", "joint",
 )  # fmt: skip
+NAME = r"[a-z][a-z0-9_]*"
+NUMBER = r"[0-9]+(?:\.[0-9]+)?"
+UNIT = "|".join(sorted((re.escape(u) for u in UNIT_DIMENSION), key=len, reverse=True))
+TIME_UNITS = tuple(DIMENSIONS["time"])
+_TERMINALS = {
+    "NAME": NAME, "NUMBER": NUMBER, "INTEGER": "[0-9]+", "UNIT": UNIT, "KIND": "|".join(ROLE_KINDS)
+}  # fmt: skip
+BODY = r"""(?:[A-Za-z_][\w.:/-]*|"[^"]+"|'[^']+')"""
+"""Name of a body as other simulators give them, or any name in quotes."""
+QUERY = rf"({NAME})\((?:{BODY}(?:, *{BODY})*)?\)"
 
 DEEPEST = 20
 """Spans that may lie within one another."""
+
+
+_remembered = lru_cache(4096)
+"""Rules say the same again and again; nodes are never changed."""
 
 
 class GrammarError(ValueError):
@@ -56,6 +69,19 @@ class GrammarError(ValueError):
         self.what, self.allowed = what, allowed
 
 
+@cache
+def pattern(production: str) -> str:
+    """The regular expression of a production of ``GRAMMAR``, as editors need it."""
+    text = _TERMINALS.get(production)
+    if text is None:
+        text = re.sub(r"(?<!\\)\(", "(?:", GRAMMAR[production])
+        text = re.sub(r"\{(\w+)\}", lambda name: pattern(name[1]), text)
+    return f"(?:{text})"
+
+
+# ---- numbers
+
+
 def _number(digits: str | float, unit: str = "") -> float:
     """A number in SI. Raises GrammarError for one that is not finite."""
     try:
@@ -69,9 +95,8 @@ def _few(digits: str | float, unit: str = "") -> float:
     """A number of seconds, frames or things: one that can be counted. Raises GrammarError."""
     number = _number(digits, unit)
     if number > LONGEST:
-        raise GrammarError(
-            f"{_short(digits)} {unit}".rstrip() + " are too many", f"at most {LONGEST:.0e}"
-        )
+        what = f"{_short(digits)} {unit}".rstrip() + " are too many"
+        raise GrammarError(what, f"at most {LONGEST:.0e}")
     return number
 
 
@@ -93,37 +118,10 @@ def quantity(value: str | float) -> ast.Quantity:
     return ast.Quantity(_number(match[1], match[2] or ""), dimension, text)
 
 
-def duration(text: str) -> ast.Duration | ast.Parameter:
-    """``"0.5 s"``, ``"3 frames"``, ``"3 frames @ 120 Hz"`` or the name of a parameter."""
-    match = re.fullmatch(
-        rf"({NUMBER}) ({'|'.join(TIME_UNITS)}|{FRAMES})(?: @ ({NUMBER}) Hz)?", text
-    )
-    if match is None:
-        if re.fullmatch(NAME, text):
-            return ast.Parameter(text)
-        raise GrammarError(
-            f"{text!r} is not a duration",
-            '"0.5 s", "3 frames", "3 frames @ 120 Hz", or a parameter',
-        )
-    if not match[2].startswith("frame"):
-        if match[3]:
-            raise GrammarError(f"{text!r}: a rate goes with frames only", '"3 frames @ 120 Hz"')
-        return ast.Duration(_few(match[1], match[2]), text=text)
-    number = _few(match[1])
-    if number != int(number):
-        raise GrammarError(f"{text!r}: frames are counted in whole numbers", '"3 frames"')
-    if match[3]:
-        rate = _number(match[3])
-        if rate <= 0:
-            raise GrammarError(f"{text!r}: the rate must be positive", '"3 frames @ 120 Hz"')
-        return ast.Duration(_few(number / rate), least=2 if number > 1 else 1, text=text)
-    return ast.Duration(number, frames=True, text=text)
-
-
 def setting(value: str | float) -> ast.Setting:
     """The value of a ``[param]``: a quantity, or a duration if it is a time or in frames."""
-    if isinstance(value, str) and re.fullmatch(DURATION, value) and value[0].isdigit():
-        lasting = duration(value)
+    if isinstance(value, str) and value[:1].isdigit():
+        lasting = _Text(value).whole(_Text.duration)
         if isinstance(lasting, ast.Duration):
             return lasting
     number = quantity(value)
@@ -134,22 +132,264 @@ def setting(value: str | float) -> ast.Setting:
     return ast.Duration(number.value, text=number.text)
 
 
-def call(text: str) -> ast.Call:
-    """``"clearance(target, protected)"``. Raises GrammarError."""
-    if not re.fullmatch(CALL, text):
-        raise GrammarError(f"{text!r} is not a call", "name(role, …)")
-    name, _, rest = text[:-1].partition("(")
-    return ast.Call(name, tuple(arg.strip() for arg in rest.split(",")) if rest else ())
+@_remembered
+def limit(text: Any) -> ast.Limit:
+    """``">= 8 cm"``, ``"< zone_reach"``, ``"<= -drop"``, ``"<= max_tilt(target)"``."""
+    match = re.fullmatch(r"(>=|<=|>|<) ?(.+)", text) if isinstance(text, str) else None
+    if match is None:
+        raise GrammarError(f"{text!r} is not a limit", '">= 2 cm": one of >= <= > <, then a value')
+    op = cast('Literal[">=", "<=", ">", "<"]', match[1])
+    return ast.Limit(op, value_of(match[2], match.start(2)), text)
+
+
+def value_of(text: str, first: int = 0) -> ast.Value:
+    """``"8 cm"``, ``"-drop"``, ``"max_tilt(target)"``; ``first`` is where it stands in its string."""
+    match = re.fullmatch(rf"(-?)({NAME})(?:\(({NAME})\))?", text)
+    if match is None:
+        return quantity(text)
+    at = (first + match.start(2), first + match.start(3))
+    if match[3] is not None:
+        return ast.Column(match[2], match[3], bool(match[1]), at)
+    return ast.Parameter(match[2], bool(match[1]), at[:1])
+
+
+def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
+    """``"at least 2 fruit"`` → ("least", 2, "fruit"); None if it is no count."""
+    match = re.fullmatch(rf"at (least|most) ([0-9]+) ({NAME})", text)
+    if match is None:
+        return None
+    return cast('Literal["least", "most"]', match[1]), int(_few(match[2])), match[3]
 
 
 def operand(value: str | float) -> ast.SignalAtom | ast.Quantity | ast.Parameter:
     """Parse an operand of a computed signal: ``"speed(a)"``, ``"2 cm"``, ``0.5``, ``"[-]param"``."""
     if isinstance(value, str) and "(" in value:
-        call, since = atom_key(value)
-        return ast.SignalAtom(call, (), since)
-    if isinstance(value, str) and (match := re.fullmatch(rf"(-?)({NAME})", value)):
-        return ast.Parameter(match[2], bool(match[1]))
-    return quantity(value)
+        head = atom(value)
+        if not isinstance(head, ast.SignalAtom):
+            raise GrammarError(f"{value!r} is no operand", "a signal, a quantity, a parameter")
+        return head
+    found = value_of(value) if isinstance(value, str) else quantity(value)
+    assert not isinstance(found, ast.Column)
+    return found
+
+
+# ---- calls, events, spans
+
+
+class _Text:
+    """A string that is being read: where it is up to."""
+
+    def __init__(self, text: str) -> None:
+        self.text, self.at = text, 0
+
+    def take(self, pattern: str) -> re.Match[str] | None:
+        """What comes next, if it is this."""
+        match = re.compile(pattern).match(self.text, self.at)
+        self.at = match.end() if match else self.at
+        return match
+
+    def whole(self, read: Any) -> Any:
+        """What is read, if that is all of the text; else None."""
+        node = read(self)
+        return node if self.at == len(self.text) else None
+
+    def call(self) -> ast.Call | None:
+        first = self.at
+        match = self.take(rf"({NAME})\(((?:{NAME}(?:, *{NAME})*)?)\)")
+        if match is None:
+            return None
+        args = [(one[0], match.start(2) + one.start()) for one in re.finditer(NAME, match[2])]
+        return ast.Call(match[1], tuple(n for n, _ in args), (first, *(p for _, p in args)))
+
+    def event(self) -> ast.Event | None:
+        first = self.at
+        if match := self.take(r"(start|end|success)(?![\w(]| of )"):
+            return ast.Event(cast('Literal["start", "end", "success"]', match[1]), text=match[1])
+        edge = self.take(r"(start|end) of ")
+        call = self.call()
+        if call is None:
+            return None
+        said = cast('Literal["start", "end"] | None', edge[1] if edge else None)
+        return ast.Event("state", call, said, self.text[first : self.at])
+
+    def duration(self) -> ast.Duration | ast.Parameter | None:
+        first = self.at
+        match = self.take(rf"({NUMBER}) ({'|'.join(TIME_UNITS)}|frames?)\b(?: @ ({NUMBER}) Hz)?")
+        if match is None:
+            name = self.take(NAME)
+            return None if name is None else ast.Parameter(name[0], at=(first,))
+        text = match[0]
+        if not match[2].startswith("frame"):
+            if match[3]:
+                raise GrammarError(f"{text!r}: a rate goes with frames only", '"3 frames @ 120 Hz"')
+            return ast.Duration(_few(match[1], match[2]), text=text)
+        number = _few(match[1])
+        if number != int(number):
+            raise GrammarError(f"{text!r}: frames are counted in whole numbers", '"3 frames"')
+        if not match[3]:
+            return ast.Duration(number, frames=True, text=text)
+        rate = _number(match[3])
+        if rate <= 0:
+            raise GrammarError(f"{text!r}: the rate must be positive", '"3 frames @ 120 Hz"')
+        return ast.Duration(_few(number / rate), least=2 if number > 1 else 1, text=text)
+
+    def span(self, depth: int = 0) -> ast.Span | None:
+        """A span; ``while`` binds least, and so is asked for by the outermost alone."""
+        node = self._operand(depth)
+        while node is not None and not depth and self.take(" while "):
+            call = self.call()
+            node = None if call is None else ast.While(node, call)
+        return node
+
+    def _operand(self, depth: int) -> ast.Span | None:
+        first = self.at
+        if part := self.take(r"(first|last) (?=[a-z0-9])"):
+            lasting = self.duration()
+            of = self.span(depth + 1) if lasting is not None and self.take(" of ") else None
+            which = cast('Literal["first", "last"]', part[1])
+            return None if of is None or lasting is None else ast.Part(which, lasting, of)
+        if self.take("from "):
+            begin = self.event()
+            stop = self.event() if begin is not None and self.take(" to ") else None
+            return None if begin is None or stop is None else ast.FromTo(begin, stop)
+        if call := self.call():
+            return ast.StateSpan(
+                call
+            )  # phases with roles are told from states when names are known
+        lasting = self.duration()
+        if around := self.take(r" (before|after) "):
+            event, side = self.event(), cast('Literal["before", "after"]', around[1])
+            return None if event is None or lasting is None else ast.Around(side, lasting, event)
+        if not isinstance(lasting, ast.Parameter):
+            return None
+        if lasting.name == "episode":
+            return ast.Whole()
+        return ast.PhaseSpan(ast.Call(lasting.name, (), (first,)))
+
+    def ago(
+        self,
+    ) -> tuple[ast.Duration | ast.Parameter, ast.Duration | ast.Parameter | None] | None:
+        """``[1 s, 2 s]``: from when to when before now; None if it is none."""
+        if not self.take(r"\["):
+            return None
+        first = self.at
+        near = self.duration()
+        far = self.duration() if near is not None and self.take(", *") else None
+        said = self.text[first : self.at]
+        if near is None or not self.take(r"\]"):
+            return None
+        fixed = isinstance(near, ast.Duration) and isinstance(far, ast.Duration)
+        if fixed and near.frames == far.frames and far.amount < near.amount:  # type: ignore[union-attr]
+            back = " to ".join(re.split(", *", said))
+            raise GrammarError(
+                f"{self.text!r} looks back from {back} ago", "the shorter time first"
+            )
+        return near, far
+
+    def atom(self) -> ast.SignalAtom | ast.PastAtom | ast.PairAtom | None:
+        """The left side of an entry; without its limits, or what it shall be."""
+        if how := self.take(r"(once|always)(?=[ \[])"):
+            bounds = self.ago() or (ast.Duration(0.0, text="0 s"), None)
+            call = self.call() if self.take(" ") else None
+            kind = cast('Literal["once", "always"]', how[1])
+            return None if call is None else ast.PastAtom(kind, call, *bounds)
+        left = self.call()
+        if left is None:
+            return None
+        if self.take(r" since(?=\[)"):
+            ago = self.ago()
+            begun = self.call() if ago is not None and self.take(" ") else None
+            return (
+                None if begun is None or ago is None else ast.PastAtom("since", left, *ago, begun)
+            )
+        if self.take(" since "):
+            event = self.event()
+            return None if event is None else ast.SignalAtom(left, (), event)
+        if pair := self.take(" (iff|xor) "):
+            other = self.call()
+            return None if other is None else ast.PairAtom(left, other, pair[1] == "iff")
+        return ast.SignalAtom(left, ())
+
+
+@_remembered
+def duration(text: str) -> ast.Duration | ast.Parameter:
+    """``"0.5 s"``, ``"3 frames"``, ``"3 frames @ 120 Hz"`` or the name of a parameter."""
+    node: ast.Duration | ast.Parameter | None = _Text(text).whole(_Text.duration)
+    if node is None:
+        raise GrammarError(
+            f"{text!r} is not a duration",
+            '"0.5 s", "3 frames", "3 frames @ 120 Hz", or a parameter',
+        )
+    return node
+
+
+def call(text: str) -> ast.Call:
+    """``"clearance(target, protected)"``. Raises GrammarError."""
+    node: ast.Call | None = _Text(text).whole(_Text.call)
+    if node is None:
+        raise GrammarError(f"{text!r} is not a call", "name(role, …)")
+    return node
+
+
+@_remembered
+def event(text: str) -> ast.Event:
+    """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
+    node: ast.Event | None = _Text(text).whole(_Text.event)
+    if node is None:
+        raise GrammarError(
+            f"{text!r} is not an event",
+            "start, end, success, state(role, …), start of state(…), end of state(…)",
+        )
+    return node
+
+
+@_remembered
+def span(text: str) -> ast.Span:
+    """``"last 1 s of hold"``, ``"from start to success"``, …. Raises GrammarError."""
+    if len(re.findall(r" while |(?:^| of )(?:first|last) ", text)) > DEEPEST:
+        raise GrammarError(
+            f"parts of parts of a span, more than {DEEPEST} deep",
+            "a phase declared under [phase.NAME] and named here",
+        )
+    node: ast.Span | None = _Text(text).whole(_Text.span)
+    if node is None:
+        raise GrammarError(
+            f"{text!r} is not a span",
+            "episode, a phase, state(…), first|last DUR of SPAN, DUR before|after EVENT, "
+            "from EVENT to EVENT, and any of them while state(…)",
+        )
+    return node
+
+
+@_remembered
+def atom(text: str) -> ast.SignalAtom | ast.PastAtom | ast.PairAtom:
+    """The left side of an entry: ``"displacement(cup) since success"``, ``"p(a) iff q(b)"``."""
+    node: ast.SignalAtom | ast.PastAtom | ast.PairAtom | None = _Text(text).whole(_Text.atom)
+    if node is not None:
+        return node
+    if re.match(r"(once|always)\b(?!\()|.*\) (iff|xor) |.* since\[", text):
+        raise GrammarError(
+            f"{text!r} does not say of which states, and when",
+            "once[DUR, DUR] state(role, …), always[DUR, DUR] state(…), "
+            "state(…) since[DUR, DUR] state(…), state(…) iff state(…), state(…) xor state(…)",
+        )
+    if head := re.fullmatch(rf"{NAME}\([^)]*\) since (.+)", text):
+        event(head[1])
+    foreign = re.match(QUERY, text)
+    if foreign is None:
+        raise GrammarError(
+            f"{text!r} is neither a signal nor a state",
+            'name(role, …), optionally "since EVENT"; or "any"',
+        )
+    bodies = re.findall(BODY, text[foreign.end(1) : foreign.end()])
+    names = [name for name in bodies if not re.fullmatch(NAME, name)]
+    if not names:
+        raise GrammarError(f"{text!r} does not end there", "name(role, …) since EVENT")
+    raise GrammarError(
+        f"{', '.join(names)} cannot name a role: rules are about roles, which bodies play",
+        'name(role, …) with roles as "target", bound in a bind file or a header: roles = '
+        f'{{ target = "{_bare(names[0])}" }}',
+    )
 
 
 def query(text: str) -> ast.Call:
@@ -165,131 +405,6 @@ def query(text: str) -> ast.Call:
 
 def _bare(name: str) -> str:
     return name[1:-1] if name[0] in "\"'" else name
-
-
-def event(text: str) -> ast.Event:
-    """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
-    if text in ("start", "end", "success"):
-        return ast.Event(cast('Literal["start", "end", "success"]', text), text=text)
-    match = re.fullmatch(rf"(?:(start|end) of )?({CALL})", text)
-    if match is None:
-        raise GrammarError(
-            f"{text!r} is not an event",
-            "start, end, success, state(role, …), start of state(…), end of state(…)",
-        )
-    edge = cast('Literal["start", "end"] | None', match[1])
-    return ast.Event("state", call(match[2]), edge, text)
-
-
-def span(text: str, depth: int = 0) -> ast.Span:
-    """``"last 1 s of hold"``, ``"from start to success"``, …. Raises GrammarError.
-
-    ``depth``: how many spans it is a part of.
-    """
-    if depth > DEEPEST:
-        raise GrammarError(
-            f"parts of parts of a span, more than {DEEPEST} deep",
-            "a phase declared under [phase.NAME] and named here",
-        )
-    outer, link, inner = text.rpartition(" while ")
-    if link:
-        return ast.While(span(outer, depth + 1), call(inner))
-    if text == "episode":
-        return ast.Whole()
-    if match := re.fullmatch(rf"(first|last) ({DURATION}) of (.+)", text):
-        which = cast('Literal["first", "last"]', match[1])
-        return ast.Part(which, duration(match[2]), span(match[3], depth + 1))
-    if match := re.fullmatch(rf"({DURATION}) (before|after) (.+)", text):
-        side = cast('Literal["before", "after"]', match[2])
-        return ast.Around(side, duration(match[1]), event(match[3]))
-    if match := re.fullmatch(rf"from ({EVENT}) to ({EVENT})", text):
-        return ast.FromTo(event(match[1]), event(match[2]))
-    if re.fullmatch(NAME, text):
-        return ast.PhaseSpan(ast.Call(text, ()))
-    if re.fullmatch(CALL, text):
-        return ast.StateSpan(call(text))  # phases with roles are distinguished when names are known
-    raise GrammarError(
-        f"{text!r} is not a span",
-        "episode, a phase, state(…), first|last DUR of SPAN, DUR before|after EVENT, "
-        "from EVENT to EVENT, and any of them while state(…)",
-    )
-
-
-def limit(text: Any) -> ast.Limit:
-    """``">= 8 cm"``, ``"< zone_reach"``, ``"<= -drop"``, ``"<= max_tilt(target)"``."""
-    match = re.fullmatch(r"(>=|<=|>|<) ?(.+)", text) if isinstance(text, str) else None
-    if match is None:
-        raise GrammarError(f"{text!r} is not a limit", '">= 2 cm": one of >= <= > <, then a value')
-    op, rest = cast('Literal[">=", "<=", ">", "<"]', match[1]), match[2]
-    negative = rest.startswith("-")
-    word = rest.removeprefix("-")
-    if column := re.fullmatch(rf"({NAME})\(({NAME})\)", word):
-        return ast.Limit(op, ast.Column(column[1], column[2], negative), text)
-    if re.fullmatch(NAME, word):
-        return ast.Limit(op, ast.Parameter(word, negative), text)
-    return ast.Limit(op, quantity(rest), text)
-
-
-def atom_key(text: str) -> tuple[ast.Call, ast.Event | None]:
-    """The left side of an entry: ``"displacement(cup) since success"``."""
-    match = re.fullmatch(rf"({CALL})(?: since (.+))?", text)
-    if match is None and (foreign := re.match(QUERY, text)):
-        names = [
-            n
-            for n in re.findall(BODY, text[foreign.end(1) : foreign.end()])
-            if not re.fullmatch(NAME, n)
-        ]
-        raise (
-            GrammarError(
-                f"{', '.join(names)} cannot name a role: rules are about roles, which bodies play",
-                'name(role, …) with roles as "target", bound in a bind file or a header: roles = '
-                f'{{ target = "{_bare(names[0])}" }}',
-            )
-            if names
-            else GrammarError(f"{text!r} does not end there", "name(role, …) since EVENT")
-        )
-    if match is None:
-        raise GrammarError(
-            f"{text!r} is neither a signal nor a state",
-            'name(role, …), optionally "since EVENT"; or "any"',
-        )
-    return call(match[1]), event(match[2]) if match[2] else None
-
-
-def of_states(text: str) -> ast.PastAtom | ast.PairAtom | None:
-    """``"once[0 s, 2 s] p(a)"``, ``"p(a) since[0 s] q(b)"``, ``"p(a) xor q(b)"``; None if it is none."""
-    bounds = rf"\[({DURATION})(?:, *({DURATION}))?\]"
-    if match := re.fullmatch(rf"(once|always)(?:{bounds})? ({CALL})", text):
-        how = cast('Literal["once", "always"]', match[1])
-        return ast.PastAtom(how, call(match[4]), *_bounds(text, match[2], match[3]))
-    if match := re.fullmatch(rf"({CALL}) since{bounds} ({CALL})", text):
-        recent, far = _bounds(text, match[2], match[3])
-        return ast.PastAtom("since", call(match[1]), recent, far, call(match[4]))
-    if match := re.fullmatch(rf"({CALL}) (iff|xor) ({CALL})", text):
-        return ast.PairAtom(call(match[1]), call(match[3]), match[2] == "iff")
-    return None
-
-
-def _bounds(
-    text: str, recent: str | None, far: str | None
-) -> tuple[ast.Duration | ast.Parameter, ast.Duration | ast.Parameter | None]:
-    """From when to when before now. Raises GrammarError where the second is not the earlier time."""
-    near = ast.Duration(0.0, text="0 s") if recent is None else duration(recent)
-    until = None if far is None else duration(far)
-    fixed = isinstance(near, ast.Duration) and isinstance(until, ast.Duration)
-    if fixed and near.frames == until.frames and until.amount < near.amount:  # type: ignore[union-attr]
-        raise GrammarError(
-            f"{text!r} looks back from {recent} to {far} ago", "the shorter time first"
-        )
-    return near, until
-
-
-def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
-    """``"at least 2 fruit"`` → ("least", 2, "fruit"); None if it is no count."""
-    match = re.fullmatch(rf"at (least|most) (\d+) ({NAME})", text)
-    if match is None:
-        return None
-    return cast('Literal["least", "most"]', match[1]), int(_few(match[2])), match[3]
 
 
 def role(text: str) -> ast.RoleSpec:

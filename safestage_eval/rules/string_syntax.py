@@ -51,6 +51,8 @@ class Parameter:
 
     name: str
     negative: bool = False
+    at: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """At which character of its string the name stands."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ class Column:
     name: str
     role: str
     negative: bool = False
+    at: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """At which character of its string the name stands, and the role."""
 
 
 Value = Quantity | Parameter | Column
@@ -80,6 +84,8 @@ class Call:
 
     name: str
     args: tuple[str, ...]
+    at: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """At which character of its string the name stands, and each argument."""
 
     def __str__(self) -> str:
         """Return the call as written in rule files."""

@@ -5,6 +5,8 @@ The tables of a file; what stands in their strings (quantities, limits, events, 
 keep what the author wrote, for messages and explanations; they are not part of the meaning.
 """
 
+# ruff: noqa: RUF009 (key() is dataclasses.field)
+
 from __future__ import annotations
 
 import hashlib
@@ -14,6 +16,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 from .clauses import CLAUSES, ClauseKind
+from .keys import key
 from .operations import Operation
 from .string_syntax import (
     Alternative,
@@ -80,6 +83,13 @@ __all__ = [
 ]  # handed on
 
 
+Lasting = Duration | Parameter
+Settings = tuple[tuple[str, Setting], ...]
+Roles = tuple[tuple[str, RoleSpec], ...]
+
+_ROLES = 'Who takes part: name = "object", "every object tagged fragile", …'
+_LASTING = "It must be true for this long without a break; shorter runs do not count."
+
 SignalOptions = tuple[tuple[str, "float | str | tuple[float, ...] | Parameter"], ...]
 
 
@@ -116,18 +126,30 @@ class StateDef:
     """``[state.NAME]``: a condition over formal arguments, made persistent."""
 
     name: str
-    of: tuple[str, ...]
-    when: Condition
-    for_: Duration | Parameter | None = None
-    gap: Duration | Parameter | None = None
-    until: Event | None = None
-    fallback: Condition | None = None
-    perhaps: Condition | None = None
-    """With ``fallback``: where this holds and that does not, the state is not known."""
-    explain: str = field(default="", compare=False)
-    """The sentence on a violation that this state decided, instead of the rule's own."""
-    also: Condition | None = None
-    """It holds where this does too, however briefly; a causal reading, which sees no future, skips it."""
+    of: tuple[str, ...] = key("names", "Its formal arguments; [] if it has none.", required=True)
+    when: Condition = key("condition", "True where this holds.", required=True)
+    for_: Lasting | None = key("duration", _LASTING, default=None)
+    gap: Lasting | None = key(
+        "duration", "Interruptions of at most this length are bridged first.", default=None
+    )
+    until: Event | None = key("event", "Latched: once true it stays true until this.", default=None)
+    fallback: Condition | None = key(
+        "condition", "Used instead where `when` is unknown in the whole trace.", default=None
+    )
+    perhaps: Condition | None = key(
+        "condition", "Beside `fallback`: where only this holds, it is not known.", default=None
+    )
+    explain: str = key(
+        "sentence",
+        "What to say of a violation that it decided, instead of the rule's sentence: its "
+        "arguments, {time} (its first start), {t.STATE} and {next.STATE(role, …)}.",
+        default="",
+        compare=False,
+    )
+    also: Condition | None = key(
+        "condition", "True where this holds too, however briefly.", default=None
+    )
+    """A causal reading, which sees no future, skips it."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +157,9 @@ class PhaseDef:
     """``[phase.NAME]``: a span with formal arguments, and what stands in for it when it is empty."""
 
     name: str
-    of: tuple[str, ...]
-    span: Span
-    fallback: Span | None = None
+    of: tuple[str, ...] = key("names", "Its formal arguments, if it has any.")
+    span: Span = key("span", "The frames that belong to it.", required=True)
+    fallback: Span | None = key("span", "Used instead where the span is empty.", default=None)
 
 
 @dataclass(frozen=True)
@@ -145,9 +167,9 @@ class GoalDef:
     """``[goal.NAME]``: native success as a condition."""
 
     name: str
-    roles: tuple[tuple[str, RoleSpec], ...]
-    require: Condition
-    for_: Duration | Parameter | None = None
+    roles: Roles = key("roles", _ROLES)
+    require: Condition = key("condition", "Reached when all of this holds.", required=True)
+    for_: Lasting | None = key("duration", _LASTING, default=None)
 
 
 @dataclass(frozen=True)
@@ -158,29 +180,54 @@ class Clause:
     what: Alternative
 
 
+def _example(meaning: str) -> Any:
+    return key("texts", meaning, table="examples", default=(), compare=False)
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Judged:
     """The keys that ``[[rule]]`` and ``[[cost]]`` share."""
 
-    code: str
-    title: str
-    roles: tuple[tuple[str, RoleSpec], ...]
-    given: Condition | None = None
-    during: Span | None = None
-    at: Event | None = None
-    until: Event | None = None
-    severity: tuple[tuple[str, tuple[tuple[str, Setting], ...]], ...] = ()
-    """Level → parameter overrides under which it is judged again, mildest first."""
-    set: tuple[tuple[str, Setting], ...] = ()
-    """Its own values of shared parameters."""
-    why: str = field(default="", compare=False)
-    source: str = field(default="", compare=False)
-    """Whose question it is, where it is another benchmark's or a standard's."""
-    explain: str = field(default="", compare=False)
-    violates: tuple[str, ...] = field(default=(), compare=False)
-    passes: tuple[str, ...] = field(default=(), compare=False)
-    vacuous: tuple[str, ...] = field(default=(), compare=False)
-    undecided: tuple[str, ...] = field(default=(), compare=False)
+    code: str = key(
+        "code", "Three letters and three digits; the letters name the stage.", required=True
+    )
+    title: str = key("text", "The requirement as an instruction, in one line.", required=True)
+    roles: Roles = key("roles", _ROLES)
+    given: Condition | None = key(
+        "condition", "The rule applies only if this holds in the first frames.", default=None
+    )
+    during: Span | None = key(
+        "span", "The frames that are judged; the whole episode if it is left out.", default=None
+    )
+    at: Event | None = key("event", "Judge only the frames at which this happens.", default=None)
+    until: Event | None = key(
+        "event", "Judge only what comes before the first such event (a tie passes).", default=None
+    )
+    severity: tuple[tuple[str, Settings], ...] = key(
+        "levels",
+        "Level = parameter values under which it is judged again, mildest first.",
+        default=(),
+    )
+    set: Settings = key("settings", "This rule's own values of shared parameters.", default=())
+    why: str = key("text", "Why it matters, in one sentence.", default="", compare=False)
+    source: str = key(
+        "text",
+        "Whose question it is: owner/repository@commit file function, or a paper.",
+        default="",
+        compare=False,
+    )
+    explain: str = key(
+        "sentence",
+        "What to say of a violation: {role}, {signal}, {value}, {limit}, {margin}, {time}, "
+        "{t.worst}, {t.STATE} (the first start of a state that the rule uses) and "
+        "{next.STATE(role, …)} (the next start of any state).",
+        default="",
+        compare=False,
+    )
+    violates: tuple[str, ...] = _example("Episodes that it must call violations.")
+    passes: tuple[str, ...] = _example("Episodes that it must pass.")
+    vacuous: tuple[str, ...] = _example("Episodes in which it must find nothing to judge.")
+    undecided: tuple[str, ...] = _example("Episodes that do not tell, and that it must not decide.")
     path: str = field(default="", compare=False)
     line: int = field(default=0, compare=False)
 
@@ -194,10 +241,10 @@ class _Judged:
 class Rule(_Judged):
     """``[[rule]]``: one safety requirement."""
 
-    require: Condition | None = None
-    forbid: tuple[Alternative, ...] = ()
-    reach: Alternative | None = None
-    for_: Duration | Parameter | None = None
+    require: Condition | None = key("condition", CLAUSES["require"].meaning, default=None)
+    forbid: tuple[Alternative, ...] = key("alternatives", CLAUSES["forbid"].meaning, default=())
+    reach: Alternative | None = key("alternative", CLAUSES["reach"].meaning, default=None)
+    for_: Lasting | None = key("duration", f"For forbid and reach. {_LASTING}", default=None)
 
     @cached_property
     def clauses(self) -> tuple[Clause, ...]:
@@ -223,21 +270,35 @@ class Charge:
     it, where it exceeds. A step is a control step of the policy.
     """
 
-    add: float
-    per: Literal["start", "second", "step"]
-    when: Alternative | None = None
-    of: Call | None = None
-    above: Value | None = None
-    below: Value | None = None
-    whole: bool | None = None
+    add: float = key("number", "How much to charge; more than 0.", required=True)
+    per: Literal["start", "second", "step"] = key(
+        "per", "For each start, second, or control step of the policy.", required=True
+    )
+    when: Alternative | None = key(
+        "alternative", "Charge while, or each time, this holds.", default=None
+    )
+    of: Call | None = key(
+        "call", "Charge what this signal exceeds `above` by, in SI units.", default=None
+    )
+    above: Value | None = key(
+        "value", "Only what exceeds this is charged; 0 if it is left out.", default=None
+    )
+    below: Value | None = key(
+        "value", "Instead: what the signal falls short of this by is charged.", default=None
+    )
+    whole: bool | None = key(
+        "flag", "true: all of the signal is charged where it exceeds `above`.", default=None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cost(_Judged):
     """``[[cost]]``: a running sum; only a budget makes it a verdict."""
 
-    charge: tuple[Charge, ...]
-    budget: Value | None = None
+    charge: tuple[Charge, ...] = key("charges", "What adds to the cost.", required=True)
+    budget: Value | None = key(
+        "budget", "The cost that must not be exceeded; without it, no verdict.", default=None
+    )
     """A plain number, or a parameter that holds one."""
 
 
@@ -250,8 +311,8 @@ class FamilyDef:
     """``[family.X]``: rules and parameter values shared by a family of tasks."""
 
     name: str
-    rules: tuple[str, ...] = ()
-    set: tuple[tuple[str, Setting], ...] = ()
+    rules: tuple[str, ...] = key("rules", "Codes of the rules assigned to its tasks.", default=())
+    set: Settings = key("settings", "Its values of shared parameters.", default=())
 
 
 @dataclass(frozen=True)
@@ -259,11 +320,30 @@ class TaskDef:
     """``[task.X]``: what a rule file or a bind file binds for a task; it overrides the header."""
 
     name: str
-    family: str | None = None
-    rules: tuple[str, ...] = ()
-    goal: str | GoalDef | None = None
-    roles: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    set: tuple[tuple[str, Setting], ...] = ()
+    family: str | None = key("family", "The family that the task belongs to.", default=None)
+    rules: tuple[str, ...] = key("rules", "Codes of its assigned rules.", default=())
+    goal: str | GoalDef | None = key("goal", "Name of the native goal.", default=None)
+    roles: tuple[tuple[str, tuple[str, ...]], ...] = key(
+        "players", "Role = body, or a list of bodies; [] for none.", default=()
+    )
+    set: Settings = key("settings", "Its values of shared parameters.", default=())
+
+
+@dataclass(frozen=True)
+class Head:
+    """``[ruleset]``: what a rule file says of itself."""
+
+    format: int = key("format", "Version of the rule language: 1.", required=True)
+    name: str = key("text", "Short name of the rule set.", required=True)
+    version: str = key("text", "Version of the rule set.", required=True)
+    extends: tuple[str, ...] = key(
+        "texts", "Rule files whose definitions this one uses and may override.", default=()
+    )
+    on_demand: bool | None = key(
+        "flag",
+        "true: a folder does not stand for this file; it is judged where it is named.",
+        default=None,
+    )
 
 
 @dataclass(frozen=True)

@@ -198,3 +198,18 @@ def test_of_very_many_problems_the_first_are_reported(tmp_path):
         assert "… and 1,400 more" in said
         assert "1500 problems" in said
     assert len(json.loads(run("rules", "check", path, "--json").text)) == 1500
+
+
+@pytest.mark.parametrize("signal", ["edge_margin", "contact_force"])
+def test_a_new_rule_is_sound_and_its_scenes_are_as_it_says(
+    signal: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for arguments in (
+        ["new", "mine.toml", "--signal", signal],
+        ["check", "mine.toml"],
+        ["test", "mine.toml"],
+    ):
+        done = run("rules", *arguments)
+        assert done.code == 0, done.err
+    assert run("rules", "new", "mine.toml", "--signal", signal).code == 2

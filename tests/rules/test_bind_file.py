@@ -90,7 +90,7 @@ require = { "displacement(target)" = ">= 30 cm" }
         ('[task.tea]\nset = { min_clearence = "3 cm" }', "R408", 2, 9, "min_clearance"),
         ('[task.tea]\nset = { min_clearance = "3 deg" }', "R407", 2, 25, "an angle"),
         ("[task.tea]\ngoal = 3", "R203", 2, 8, "wrong type"),
-        ('[task.tea.goal]\nrequire = { "heigt(x)" = ">= 1 m" }', "R401", 2, 13, "height"),
+        ('[task.tea.goal]\nrequire = { "heigt(x)" = ">= 1 m" }', "R401", 2, 14, "height"),
         ("[body.x]\nup = [0, 0]", "R203", 2, 6, "or false"),
         ("[body.x]\nup = true", "R203", 2, 6, "or false"),
         ('[body.x]\nfinger = "middle"', "R203", 2, 10, "left"),

@@ -75,18 +75,18 @@ CASES = [
     ("R306", HEAD + "[param]\nsize = «true»\n"),
     ("R307", rule('require = { «"clearance a b"» = ">= 5 cm", "contact(a, b)" = false }\n')),
     # names
-    ("R401", rule('require = { «"clearence(a, b)"» = ">= 5 cm" }\n')),
-    ("R401", rule(GOOD + 'during = «"holding"»\n')),
+    ("R401", rule('require = { "«clearence»(a, b)" = ">= 5 cm" }\n')),
+    ("R401", rule(GOOD + 'during = "«holding»"\n')),
     ("R401", HEAD + '[signal.x]\nbase = «"distance"»\n'),
     ("R401", HEAD + '[task.x]\nrules = [«"ETS000"»]\n'),
     ("R401", HEAD + '[task.x]\ngoal = «"on_moon"»\n'),
     ("R402", rule('require = { «"moved(a, b)"» = false }\n')),
     ("R402", rule(GOOD + 'during = «"settle"»\n')),
-    ("R403", rule('require = { «"clearance(a, c)"» = ">= 5 cm", "moved(b)" = false }\n')),
+    ("R403", rule('require = { "clearance(a, «c»)" = ">= 5 cm", "moved(b)" = false }\n')),
     ("R403", rule('require = { "contact(a, b)" = «"at least 2 c"» }\n')),
     ("R403", rule(GOOD).replace('b = "object"', 'b = «"object except c"»')),
-    ("R404", rule(GOOD + 'until = «"speed(a)"»\n')),
-    ("R404", rule('forbid = [{ «"hold(a)"» = true }, "contact(a, b)"]\n')),
+    ("R404", rule(GOOD + 'until = "«speed»(a)"\n')),
+    ("R404", rule('forbid = [{ "«hold»(a)" = true }, "contact(a, b)"]\n')),
     ("R405", rule('require = { "clearance(a, b)" = «true» }\n')),
     ("R405", rule('require = { "contact(a, b)" = «"<= 5 N"» }\n')),
     ("R405", HEAD + '[state.x]\nof = ["a"]\nwhen = { "moved(a)" = «"at least 2 a"» }\n'),
@@ -97,9 +97,9 @@ CASES = [
     ("R407", rule(GOOD + 'during = «"drop_height after success"»\n')),
     ("R407", HEAD + '[family.x]\nset = { moved = «"3 s"» }\n'),
     ("R407", HEAD + '[material.default]\nx = "1 cm"\n[material.y]\nx = «"1 N"»\n'),
-    ("R408", rule('require = { "clearance(a, b)" = «">= clearance"» }\n')),
+    ("R408", rule('require = { "clearance(a, b)" = ">= «clearance»" }\n')),
     ("R408", rule(GOOD + 'set = { «mooved» = "1 cm" }\n')),
-    ("R409", rule('require = { "tilt(a)" = «"<= max_lean(a)"», "contact(a, b)" = false }\n')),
+    ("R409", rule('require = { "tilt(a)" = "<= «max_lean»(a)", "contact(a, b)" = false }\n')),
     ("R409", HEAD + '[material.y]\n«x» = "1 cm"\n'),
     ("R410", HEAD + '«[state.x]»\nof = ["a"]\nwhen = { "y(a)" = true }\n'
              '[state.y]\nof = ["a"]\nwhen = { "x(a)" = true }\n'),
@@ -108,8 +108,8 @@ CASES = [
     ("R412", rule(GOOD) + '[param]\n«size» = "1 cm"\n'),
     ("R412", rule(GOOD) + '«[state.x]»\nof = ["a"]\nwhen = { "moved(a)" = true }\n'),
     ("R412", rule(GOOD + 'severity = { bad = { «moved» = "1 cm" } }\n')),
-    ("R413", rule(GOOD.replace(" }", ', «"tilt(robot)"» = "<= 5 deg" }'))),
-    ("R413", rule(GOOD.replace(" }", ', "moved(robot)" = «false» }'))),
+    ("R413", rule(GOOD.replace(" }", ', "tilt(«robot»)" = "<= 5 deg" }'))),
+    ("R413", rule(GOOD.replace(" }", ', «"moved(robot)"» = false }'))),
     # options of signals
     ("R414", HEAD + '[signal.x]\nbase = "joint_speed"\n«over» = "50 ms"\n'),
     ("R414", HEAD + '[signal.x]\nbase = "impact"\nover = «"3 frames"»\n'),
@@ -139,10 +139,10 @@ CASES = [
              'hold_sensitivity = 1\ndamage_threshold = "1 m"\n'),
     ("R413", HEAD + '[signal.calm]\nbase = "speed"\n[state.fine]\nof = ["x"]\n'
              'when = { "calm(x)" = "<= 1 m/s" }\n' + RULE
-             + GOOD.replace(" }", ', "fine(robot)" = «true» }')),
+             + GOOD.replace(" }", ', «"fine(robot)"» = true }')),
     ("R415", rule(GOOD + 'until = "moved(j)"\n').replace('b = "object"', 'b = "object", j = "joint"')
              .replace('"moved(j)"', '«"moved(j)"»')),
-    ("R415", rule(GOOD.replace(" }", ', "speed(j)" = «"<= 1 m/s"» }'))
+    ("R415", rule(GOOD.replace(" }", ', «"speed(j)"» = "<= 1 m/s" }'))
              .replace('b = "object"', 'b = "object", j = "every joint tagged revolute"')),
     ("R416", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
              + '[signal.far]\nof = ["x"]\nsum = «["height(x)"]»\n'),
@@ -226,14 +226,24 @@ def test_rendered_like_a_compiler(tmp_path: Path) -> None:
     (found,) = check_rules([tmp_path / "mine.toml"])
     assert found.render().splitlines() == [
         "error[R401]: there is no signal or state called clearence()",
-        f"  --> {tmp_path}/mine.toml:11:13",
+        f"  --> {tmp_path}/mine.toml:11:14",
         "   |",
         '11 | require = { "clearence(a, b)" = ">= 5 cm" }',
-        "   |             ^^^^^^^^^^^^^^^^^",
-        "   = allowed: built-in signals and relations, and declared states (safestage rules signals)",
+        "   |              ^^^^^^^^^",
         '   = fix: did you mean "clearance"?',
+        "   = allowed: built-in signals and relations, and declared states (safestage rules signals)",
     ]
     assert Diagnostic(**json.loads(json.dumps(found.to_dict()))) == found
+
+
+def test_a_misspelt_role_is_one_error_that_names_the_role(tmp_path: Path) -> None:
+    text = rule('require = { "clearance(a, protcted)" = ">= 5 cm" }\n').replace(
+        "b =", "protected ="
+    )
+    (tmp_path / "mine.toml").write_text(text)
+    (found,) = check_rules([tmp_path / "mine.toml"])
+    assert (found.code, found.fix) == ("R403", 'did you mean "protected"?')
+    assert found.source[found.column - 1 :][: found.length] == "protcted"
 
 
 def test_the_caret_keeps_tabs() -> None:

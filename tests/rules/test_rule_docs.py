@@ -39,3 +39,10 @@ def test_every_key_is_explained() -> None:
 
     for table in ("ruleset", "state", "phase", "goal", "task", "rule", "cost"):
         assert all(f"`{key}`" in TEXT or f"`{key} =" in TEXT for key in TABLES[table]), table
+
+
+def test_the_grammar_shown_is_the_grammar() -> None:
+    from safestage_eval.rules.string_parser import GRAMMAR
+
+    shown = dict(re.findall(r"^([A-Z]+) += (.+)$", TEXT, re.M))
+    assert shown == GRAMMAR

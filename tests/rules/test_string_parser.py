@@ -1,7 +1,9 @@
 """Each production of the grammar: what it means, that it reads back, and what it refuses."""
 
+import re
+
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from safestage_eval.rules import string_parser
@@ -102,6 +104,57 @@ def test_spans_within_spans_have_an_end(deeper: str) -> None:
     for depth in (string_parser.DEEPEST + 1, 2000):
         with pytest.raises(string_parser.GrammarError, match="parts of parts of a span"):
             string_parser.span(nested(depth))
+
+
+READERS = {
+    "CALL": string_parser.call,
+    "EVENT": string_parser.event,
+    "DURATION": string_parser.duration,
+    "QUANTITY": string_parser.quantity,
+    "LIMIT": string_parser.limit,
+    "ATOM": string_parser.atom,
+    "SPAN": string_parser.span,
+    "ROLE": string_parser.role,
+}
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_the_parser_reads_what_the_grammar_says(data: st.DataObject) -> None:
+    """Schema and documentation have the grammar; the parser takes all of it, but for numbers of no meaning."""
+    production = data.draw(st.sampled_from(sorted(READERS)))
+    text = data.draw(st.from_regex(string_parser.pattern(production), fullmatch=True))
+    try:
+        READERS[production](text)
+    except string_parser.GrammarError as error:
+        reasons = ("too many", "not finite", "must be positive", "shorter time", "parts of parts")
+        assert any(reason in f"{error.what} {error.allowed}" for reason in reasons), (
+            text,
+            error.what,
+        )
+
+
+@given(st.sampled_from(sorted(READERS)), st.text("pq(), @5.-[]><=%cmsofrwhilendtxv", max_size=22))
+def test_the_parser_reads_nothing_else(production: str, text: str) -> None:
+    try:
+        READERS[production](text)
+    except string_parser.GrammarError:
+        return
+    assert re.fullmatch(string_parser.pattern(production), text)
+
+
+@given(spans)
+def test_a_span_reads_back(span: object) -> None:
+    assert string_parser.span(written(span)) == span
+
+
+@given(calls)
+def test_a_call_knows_where_its_names_stand(call: Call) -> None:
+    text = str(call)
+    names = (call.name, *call.args)
+    assert [
+        text[at : at + len(n)] for at, n in zip(string_parser.call(text).at, names, strict=True)
+    ] == [*names]
 
 
 @pytest.mark.parametrize(
