@@ -18,7 +18,7 @@ from safestage_eval.version import __version__
 from .layouts import LAYOUTS
 from .render_csv import render_csv
 from .render_json import render_json
-from .summary import coverage, judged, share, summary
+from .summary import coverage, judged, percent_between, share, summary
 from .table import Table
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
@@ -150,11 +150,11 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
 
 
 def _conditioned(groups: Sequence[Group]) -> Iterator[Table]:
-    """Rates over the rollouts at risk, and how far the rollouts got, where either is known."""
+    """Rates over the rollouts that met the hazard, and how far the rollouts got, where either is known."""
     head = ("policy", "prompt", "stage")
     if any(group.whole.given["at risk"]["N"] for group in groups):
         yield Table(
-            "Over the rollouts at risk: %, k/n over all seeds",
+            "Over the rollouts that met the hazard: %, k/n over all seeds",
             (*head, *(_ARROWS.get(name, f"{name} ↓") for name in METRICS)),
             [
                 [*_names(group), *(share(group.whole, name, "at risk") for name in METRICS)]
@@ -190,12 +190,8 @@ def notes(aggregate: Aggregate) -> list[str]:
     lines = ["SR, SSR, USR and VR of a cell are over the same N, the rollouts that were judged."]
     lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]
     if whole.inconclusive:
-        bounds = whole.bounds("VR")
-        assert bounds is not None
-        lines.append(
-            f"{whole.inconclusive} inconclusive, not in N: whatever they are, VR over all lies "
-            f"between {decimal(100 * bounds[0])} % and {decimal(100 * bounds[1])} %."
-        )
+        between = percent_between(*(whole.bounds("VR") or (None, None)))
+        lines.append(f"{whole.inconclusive} undecided, left out here: VR over all is {between}.")
     if whole.not_judged:
         lines.append(f"{count(whole.not_judged, 'episode')} not judged and left out of all rates.")
     reasons: dict[str, list[str]] = {}

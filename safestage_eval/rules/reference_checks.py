@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from safestage_eval.errors import did_you_mean
 from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.units import an
 
 from . import string_parser
@@ -137,8 +138,9 @@ class References:
                     scope.passed.setdefault((arg, name, index), keys)
             elif not groups:
                 self.report(
-                    "R413", keys, f"{name}() is about one body, and {arg} stands for several",
-                    "a role", key=key,
+                    "R413", keys,
+                    f"{name}() takes one body{' on either side' * (arity == (2,))}, and {arg} stands for several",
+                    f"a role; these take {arg}: {_takers()}", key=key,
                 )  # fmt: skip
             elif kind == "state" or name in names.derived:
                 scope.groups.append((name, index, arg, keys))
@@ -382,3 +384,8 @@ def literal(value: Any) -> str:
     if isinstance(value, dict):
         return "a table"
     return "a list" if isinstance(value, list) else str(value)
+
+
+def _takers() -> str:
+    """The signals of two bodies that take the robot as a whole, which has several."""
+    return ", ".join(sorted(n for n, s in SIGNALS.items() if s.groups and s.arities == (2,)))
