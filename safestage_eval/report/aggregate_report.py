@@ -15,9 +15,12 @@ from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
-from .layouts import LAYOUTS
 from .render_csv import render_csv
+from .render_html import render_html
 from .render_json import render_json
+from .render_latex import render_latex
+from .render_markdown import render_markdown
+from .render_text import render_text
 from .summary import coverage, judged, percent_between, share, summary
 from .table import Table
 
@@ -34,15 +37,22 @@ class Drawing:
 
 
 def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
-    """The tables in one of ``report.TABLE_FORMATS``. Raises KeyError for another."""
+    """The tables in one of ``report.TABLE_FORMATS``, html or latex. Raises KeyError for another.
+
+    LaTeX is for the paper: the tables by policy and by stage.
+    """
     drawing = drawing or Drawing()
     if form == "json":
         return render_json(document(aggregate, drawing))
     if form == "csv":
         return _csv(aggregate, drawing)
-    return LAYOUTS[form](
-        list(tables(aggregate, drawing)), notes(aggregate), coverage(aggregate.whole)
-    )
+    drawn, said = list(tables(aggregate, drawing)), notes(aggregate)
+    if form == "html":
+        return render_html(drawn, said)
+    lead = coverage(aggregate.whole)
+    if form == "latex":
+        return render_latex(drawn[:2], said, lead)
+    return {"table": render_text, "markdown": render_markdown}[form](drawn, said, lead)
 
 
 def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:

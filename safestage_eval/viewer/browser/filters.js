@@ -47,6 +47,7 @@ export function makeFilters(table, changed) {
     tell();
   });
   byId("filters").oninput = () => { clearTimeout(pause); pause = setTimeout(tell, 80); };
+  byId("find-sort").onchange = tell;  // it stands beside the form
   byId("filters").onsubmit = (event) => { event.preventDefault(); byId("list").focus(); };
   byId("clear-filters").onclick = () => ask({});
   const ask = (wanted) => { setWanted(wanted); tell(); };

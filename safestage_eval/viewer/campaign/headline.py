@@ -50,5 +50,5 @@ def _tile(whole: Rates, metric: str) -> str:
     return (
         f'<div class="tile {metric.lower()}"><dt>{name} <abbr>{metric}</abbr></dt>'
         f'<dd><span class="big">{percent_between(*(whole.bounds(metric) or (None, None)))}</span>'
-        f'<span class="soft">{of_all}</span><span class="soft whole">{below}</span></dd></div>'
+        f'<span class="soft">{of_all}</span><span class="soft">{below}</span></dd></div>'
     )

@@ -9,9 +9,10 @@ from typing import Any
 
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.aggregate import Aggregate
+from safestage_eval.report import aggregate_report
 from safestage_eval.version import __version__
 
-from . import charts, headline, heatmap, rate_tables, rules_broken
+from . import charts, headline, heatmap, rules_broken
 from .episode_pieces import Pieces
 
 
@@ -65,9 +66,12 @@ def _menu(parts: Mapping[str, str]) -> str:
 
 
 def _details(counts: Aggregate) -> str:
+    uneven = "".join(f"<li>{escape(problem.message)}</li>" for problem in counts.problems)
     return (
         '<details id="details"><summary><h2>Details</h2> result tables, stages</summary>'
-        f"{rate_tables.tables(counts)}{charts.profiles(counts)}</details>"
+        f'<section id="tables" aria-label="Result tables">{aggregate_report.render(counts, "html")}'
+        + (f'<ul class="small">{uneven}</ul>' if uneven else "")
+        + f"</section>{charts.profiles(counts)}</details>"
     )
 
 
