@@ -23,7 +23,6 @@ from safestage_eval.whatif.judge_again import Again
 from .figure import ready, write
 
 
-
 class Inks:
     """The palette's colours on a light or on a dark ground."""
 
@@ -221,7 +220,9 @@ def _draw(axes: Any, again: Again, panel: Panel, inks: Inks) -> None:
     for value, bad, param in bounds:
         at = shown(value)
         axes.axhline(at, color=inks.bad, lw=1.1, ls="--")
-        axes.axhspan(at, high + pad if bad == "above" else low - pad, color=inks.bad, alpha=0.05, lw=0)
+        axes.axhspan(
+            at, high + pad if bad == "above" else low - pad, color=inks.bad, alpha=0.05, lw=0
+        )
         codes = sorted(
             {c for b, c in panel.limits if (b.value, b.bad, b.param) == (value, bad, param)}
         )
@@ -253,7 +254,9 @@ def _draw(axes: Any, again: Again, panel: Panel, inks: Inks) -> None:
             )  # fmt: skip
     _moment(axes, again.judge.success_time, "success", inks.goal)
     unit = unit_of(dimension)
-    axes.set_title(f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5, color=inks.ink)
+    axes.set_title(
+        f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5, color=inks.ink
+    )
     title = "   ".join(
         f"{SIGNS[v.verdict]} {v.rule} {v.verdict.replace('_', ' ')}" for v in panel.verdicts
     )

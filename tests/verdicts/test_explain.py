@@ -63,9 +63,7 @@ def test_what_no_measurement_decides_is_named_with_its_bodies_and_times() -> Non
     assert found == "No start of p(cup), 0.00 s to 0.50 s."
     names = ("cup", "jug", "mug", "pot", "pan", "tin")
     found = explained(rule, names, **dict.fromkeys(names, series("00000")))
-    assert found == (
-        "No start of p(a) (a: cup, jug, mug, pot and 2 more), 0.00 s to 0.50 s."
-    )
+    assert found == ("No start of p(a) (a: cup, jug, mug, pot and 2 more), 0.00 s to 0.50 s.")
 
 
 def test_a_scope_that_never_comes_or_has_no_frames_is_named() -> None:

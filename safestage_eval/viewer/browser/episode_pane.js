@@ -91,7 +91,7 @@ export class EpisodePane {
     this.head.replaceChildren(
       element("h2", {}, spoken(cell("task")) || cell("id"), " ",
         data?.instruction ? element("span", { class: "soft" }, `“${data.instruction}”`) : null),
-      element("p", { class: "sentence" }, badge(verdict), " ", verdict === "violation" ? told ?? this.table.telling(place)?.text : null),
+      element("p", { class: "sentence" }, badge(verdict), " ", verdict === "pass" ? "No assigned rule was broken." : told || this.table.telling(place)?.text || null),
       element("p", { class: "facts soft" }, goal));
     this.about.replaceChildren(labels.join(", "), element("br"), element("code", {}, cell("id")));
   }

@@ -34,6 +34,7 @@ export function makeFilters(table, changed) {
   byId("find-sort").replaceChildren(...options(Object.entries(SORTS)));
   let pause = 0;
   const tell = () => {
+    byId("list").scrollTop = 0;
     const wanted = wantedNow(), count = Object.keys(FILTERS).filter((name) => wanted[name]).length;
     byId("active-filters").textContent = count ? ` (${count})` : "";
     for (const chip of byId("chips").children) chip.setAttribute("aria-pressed", String(chip.dataset.outcome === wanted.outcome));

@@ -61,7 +61,7 @@ function fill(data) {
   list?.watch.disconnect();
   list = new EpisodeList(table, choose);
   if (pane) pane.table = table; else pane = new EpisodePane(table, step, back);
-  refilter = makeFilters(table, (wanted) => { list.show(table.found(wanted)); if (pane.place !== null) list.mark(pane.place); });
+  refilter = makeFilters(table, (wanted) => { list.chosen = pane.place; list.show(table.found(wanted)); });
   writeHeadline(table);
   byId("index").setAttribute("aria-busy", String(Boolean(table.state?.left)));
 }

@@ -100,9 +100,7 @@ def compose(
         progress=progress,
         folder=folder,
     )
-    return Report(
-        heading, name, counts, rows, pieces=drawn, notes=notes, titles=_titles(loaded)
-    )
+    return Report(heading, name, counts, rows, pieces=drawn, notes=notes, titles=_titles(loaded))
 
 
 def _titles(rules: RuleSet) -> dict[str, str]:

@@ -131,7 +131,9 @@ def _scatter(aggregate: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> s
             assert sr is not None and vr is not None  # n > 0
             parts += [
                 line(x(100 * sr[0]), y(at_y), x(100 * sr[1]), y(at_y), f"whisker {css}"),
-                line(x(at_x), y(100 - 100 * vr[1]), x(at_x), y(100 - 100 * vr[0]), f"whisker {css}"),
+                line(
+                    x(at_x), y(100 - 100 * vr[1]), x(at_x), y(100 - 100 * vr[0]), f"whisker {css}"
+                ),
             ]
         parts.append(
             mark(shape(aggregate.prompts.index(prompt)), x(at_x), y(at_y), 6, f"mark {css}", said)

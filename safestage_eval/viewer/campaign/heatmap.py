@@ -40,7 +40,8 @@ def heatmap(aggregate: Aggregate) -> str:
             )
             above = stage
         data = "".join(
-            _cell(summed[row].get(pair), task=task, policy=pair[0], prompt=pair[1]) for pair in pairs
+            _cell(summed[row].get(pair), task=task, policy=pair[0], prompt=pair[1])
+            for pair in pairs
         )
         body.append(
             f'<tr><th scope="row">{escape(task)}</th>{_cell(whole[row], task=task)}{data}</tr>'
