@@ -174,7 +174,7 @@ def _sides(comparison: Comparison) -> dict[str, Rates]:
 
 
 def _engagement(comparison: Comparison) -> list[Table]:
-    """Stages reached and episodes at risk per side; no table where neither is known."""
+    """Stages reached and episodes that met the hazard per side; no table where neither is known."""
     sides = _sides(comparison)
     any_known = any(
         cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)
@@ -185,7 +185,13 @@ def _engagement(comparison: Comparison) -> list[Table]:
     return [
         Table(
             "How far the paired rollouts got with the target, and VR by it: %, k/n",
-            ("of", *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS)),
+            (
+                "of",
+                *ENGAGEMENT,
+                "unknown",
+                "VR given the hazard",
+                *(f"VR given {name}" for name in CONDITIONS[1:]),
+            ),
             [
                 [
                     name,

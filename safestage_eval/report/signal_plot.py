@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.errors import InputError
 from safestage_eval.evidence.intervals import Interval
-from safestage_eval.palette import GROUNDS, INKS, SIGNS, VERDICTS
+from safestage_eval.palette import GROUNDS, INKS, SIGNS, VERDICTS, Pair
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, in_unit, unit_of
 from safestage_eval.verdicts import Verdict
@@ -27,7 +27,10 @@ class Inks:
     """The palette's colours on a light or on a dark ground."""
 
     def __init__(self, *, dark: bool = False) -> None:
-        of = (lambda pair: pair.dark) if dark else (lambda pair: pair.light)
+
+        def of(pair: Pair) -> str:
+            return pair.dark if dark else pair.light
+
         self.ground, self.grid = of(GROUNDS["surface"]), of(INKS["line"])
         self.ink, self.soft, self.goal = map(of, (INKS["ink"], INKS["ink-soft"], INKS["accent"]))
         self.verdicts = {name: of(pair) for name, pair in VERDICTS.items()}

@@ -71,7 +71,7 @@ def heatmap(aggregate: Aggregate) -> str:
 
 def _cell(cell: Rates | None, **where: str) -> str:
     """A share of all that were judged, an interval where some are undecided; it leads to its episodes."""
-    bounds = cell and cell.bounds(SHOWN[0])
+    bounds = None if cell is None else cell.bounds(SHOWN[0])
     if cell is None or bounds is None:
         return '<td class="none">–</td>'
     least = " ".join(str(cell.counts[metric] + cell.surely[metric]) for metric in SHOWN)
