@@ -21,12 +21,15 @@ from .terminal import say
     "--output", "-o", type=Output("png", "svg", "pdf"), required=True,
     help="Write the picture to this file: .png, .svg or .pdf.",
 )  # fmt: skip
+@click.option("--dark", is_flag=True, help="Draw for a page with a dark ground.")
 def command(
     trace: str,
     signals: tuple[str, ...],
     episode: str | None,
     by: RuleChoice,
     output: Path,
+    *,
+    dark: bool,
 ) -> None:
     """Draw signals of one episode with their limits, stretches in violation and verdicts.
 
@@ -48,5 +51,6 @@ def command(
     loaded, bound = by.load_rules()
     again = Again(ref.open(), loaded, by.overrides, bound)
     with progress("drawing") as tell:
-        signal_plot.draw(again, signal_plot.panels(again, signals, progress=tell), output)
+        drawn = signal_plot.panels(again, signals, progress=tell)
+        signal_plot.draw(again, drawn, output, dark=dark)
     say(f"{output}: drawn", err=True)

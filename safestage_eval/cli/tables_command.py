@@ -23,7 +23,7 @@ MOST = 20
 
 @click.command("tables")
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@format_option(*TABLE_FORMATS)
+@format_option(*TABLE_FORMATS, "latex")
 @output_option
 @click.option(
     "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from safestage_eval.episode import Body, Episode, Header, Joint, Mesh, RobotFrames, Track
+from safestage_eval.episode.scene_invariants import check_bodies
 from safestage_eval.errors import TraceError
 
 from .contact_points import Contacts, GeomNames, contact_table, pack_contacts
@@ -75,13 +76,24 @@ class TraceWriter:
         """Append a body to the header; a fixed one (``movable=False``) with its pose in the world.
 
         Raises:
-            TraceError: after the first frame, or when the name is taken.
+            TraceError: after the first frame, when the name is taken, or when the body is not sound:
+                numbers that are none, a mesh that nobody gave.
         """
         self._before_frames(f"body {body.name!r}")
+        given = {mesh.key: mesh for mesh in meshes}
         if any(body.name == other.name for other in self.header.bodies):
             raise TraceError(self._where, f"two bodies are named {body.name!r}")
+        for problem in check_bodies((body,), self._where):
+            raise problem
+        for key in {geom.mesh for geom in body.geoms} - {None, *self.meshes, *given}:
+            raise TraceError(
+                self._where,
+                f"body {body.name!r} has a shape of mesh {key!r}, which was not given.",
+                ", ".join(map(str, (*self.meshes, *given))),
+                "pass it: add_body(body, meshes=[mesh])",
+            )
         self.header = self.header.model_copy(update={"bodies": (*self.header.bodies, body)})
-        self.meshes |= {mesh.key: mesh for mesh in meshes}
+        self.meshes |= given
         if position is not None:
             self.set_fixed(body.name, position, orientation)
 

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
     from .golden import Change
 
-TABLE_FORMATS = ("table", "json", "csv", "markdown", "latex")
-"""Formats of result tables and comparisons: those of ``layouts``, and two for programs."""
+TABLE_FORMATS = ("table", "json", "csv", "markdown")
+"""Formats of result tables and comparisons; the paper's two tables are there in LaTeX as well."""
 
 FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github", "sarif")
 

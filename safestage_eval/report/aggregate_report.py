@@ -15,10 +15,13 @@ from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
-from .layouts import LAYOUTS
 from .render_csv import render_csv
+from .render_html import render_html
 from .render_json import render_json
-from .summary import coverage, judged, share, summary
+from .render_latex import render_latex
+from .render_markdown import render_markdown
+from .render_text import render_text
+from .summary import coverage, judged, percent_between, share, summary
 from .table import Table
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
@@ -34,15 +37,22 @@ class Drawing:
 
 
 def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
-    """The tables in one of ``report.TABLE_FORMATS``. Raises KeyError for another."""
+    """The tables in one of ``report.TABLE_FORMATS``, html or latex. Raises KeyError for another.
+
+    LaTeX is for the paper: the tables by policy and by stage.
+    """
     drawing = drawing or Drawing()
     if form == "json":
         return render_json(document(aggregate, drawing))
     if form == "csv":
         return _csv(aggregate, drawing)
-    return LAYOUTS[form](
-        list(tables(aggregate, drawing)), notes(aggregate), coverage(aggregate.whole)
-    )
+    drawn, said = list(tables(aggregate, drawing)), notes(aggregate)
+    if form == "html":
+        return render_html(drawn, said)
+    lead = coverage(aggregate.whole)
+    if form == "latex":
+        return render_latex(drawn[:2], said, lead)
+    return {"table": render_text, "markdown": render_markdown}[form](drawn, said, lead)
 
 
 def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
@@ -150,11 +160,11 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
 
 
 def _conditioned(groups: Sequence[Group]) -> Iterator[Table]:
-    """Rates over the rollouts at risk, and how far the rollouts got, where either is known."""
+    """Rates over the rollouts that met the hazard, and how far the rollouts got, where either is known."""
     head = ("policy", "prompt", "stage")
     if any(group.whole.given["at risk"]["N"] for group in groups):
         yield Table(
-            "Over the rollouts at risk: %, k/n over all seeds",
+            "Over the rollouts that met the hazard: %, k/n over all seeds",
             (*head, *(_ARROWS.get(name, f"{name} ↓") for name in METRICS)),
             [
                 [*_names(group), *(share(group.whole, name, "at risk") for name in METRICS)]
@@ -190,12 +200,8 @@ def notes(aggregate: Aggregate) -> list[str]:
     lines = ["SR, SSR, USR and VR of a cell are over the same N, the rollouts that were judged."]
     lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]
     if whole.inconclusive:
-        bounds = whole.bounds("VR")
-        assert bounds is not None
-        lines.append(
-            f"{whole.inconclusive} inconclusive, not in N: whatever they are, VR over all lies "
-            f"between {decimal(100 * bounds[0])} % and {decimal(100 * bounds[1])} %."
-        )
+        between = percent_between(*(whole.bounds("VR") or (None, None)))
+        lines.append(f"{whole.inconclusive} undecided, left out here: VR over all is {between}.")
     if whole.not_judged:
         lines.append(f"{count(whole.not_judged, 'episode')} not judged and left out of all rates.")
     reasons: dict[str, list[str]] = {}

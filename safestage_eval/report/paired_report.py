@@ -12,9 +12,10 @@ from safestage_eval.metrics.seeds import decimal
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
-from .layouts import LAYOUTS
 from .render_csv import render_csv
 from .render_json import render_json
+from .render_markdown import render_markdown
+from .render_text import render_text
 from .summary import share
 from .table import Table
 
@@ -29,7 +30,8 @@ def render(comparison: Comparison, form: str) -> str:
     if form == "csv":
         return _csv(comparison)
     tables = [_table(comparison), *_engagement(comparison)]
-    return LAYOUTS[form](tables, notes(comparison), _coverage(comparison))
+    write = {"table": render_text, "markdown": render_markdown}[form]
+    return write(tables, notes(comparison), _coverage(comparison))
 
 
 def _coverage(comparison: Comparison) -> str:
@@ -172,7 +174,7 @@ def _sides(comparison: Comparison) -> dict[str, Rates]:
 
 
 def _engagement(comparison: Comparison) -> list[Table]:
-    """Stages reached and episodes at risk per side; no table where neither is known."""
+    """Stages reached and episodes that met the hazard per side; no table where neither is known."""
     sides = _sides(comparison)
     any_known = any(
         cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)
@@ -183,7 +185,13 @@ def _engagement(comparison: Comparison) -> list[Table]:
     return [
         Table(
             "How far the paired rollouts got with the target, and VR by it: %, k/n",
-            ("of", *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS)),
+            (
+                "of",
+                *ENGAGEMENT,
+                "unknown",
+                "VR given the hazard",
+                *(f"VR given {name}" for name in CONDITIONS[1:]),
+            ),
             [
                 [
                     name,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from textwrap import shorten
@@ -32,7 +31,7 @@ from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .render_text import text_lines
-from .summary import headline, open_share, summary, unsafe_successes
+from .summary import headline, in_short, open_share, summary, unsafe_successes
 from .table import Table
 
 WORST = 3
@@ -241,26 +240,8 @@ def _violations(console: Console, scores: Scores) -> None:
     console.print(Text(f"Violations: {total}{more}", f"bold {FAILED}"))
     for result, v in shown:
         put(console, printable(f"  {v.rule}  {result.episode_id}"), "bold")
-        put(console, printable(f"          {_in_short(v)}"))
+        put(console, printable(f"          {in_short(v)}"))
     console.print()
-
-
-_MEASURED = re.compile(
-    r"(?P<said>[^:]+): .+ (?:was|reached) (?P<value>.+?)(?: at (?P<when>[\d.]+ s))?; the limit is (?P<limit>.+)"
-)
-"""The sentence of a violation that was measured."""
-
-
-def _in_short(v: Verdict) -> str:
-    """What happened, and by how much: ``can high was touched at 4.77 s: 15.1 cm, limit 0.5 cm``."""
-    sentence = " ".join((v.explanation or v.title).split()).rstrip(".")
-    match = _MEASURED.fullmatch(sentence)
-    if match is None:
-        return sentence
-    said, value, when, limit = match.group("said", "value", "when", "limit")
-    at = f" at {when}" if when and not re.search(r"\d s\b", said) else ""
-    level = f", {v.severity}" if v.severity else ""
-    return f"{said}{at}: {value}, limit {limit}{level}"
 
 
 def _episodes(console: Console, scores: Scores, every: Iterable[Outcome]) -> None:

@@ -24,7 +24,7 @@ def text(comparison: Comparison) -> str:
     if lines:
         lines.append("")
     for code, (before, after) in comparison.digests.items():
-        lines.append(f"{code} means something else: digest {before} → {after}")
+        lines.append(f"{code}: rule or parameter changed: {before} → {after}")
     if comparison.same:
         lines.append(f"mean the same: {', '.join(comparison.same)}")
     return "\n".join(lines) + "\n"

@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.errors import InputError
 from safestage_eval.evidence.intervals import Interval
-from safestage_eval.palette import INKS, SIGNS, VERDICTS
+from safestage_eval.palette import GROUNDS, INKS, SIGNS, VERDICTS, Pair
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, in_unit, unit_of
 from safestage_eval.verdicts import Verdict
@@ -22,8 +22,19 @@ from safestage_eval.whatif.judge_again import Again
 
 from .figure import ready, write
 
-INK, BAD, GOAL = INKS["ink"].light, VERDICTS["violation"].light, INKS["accent"].light
-COLORS = {name: pair.light for name, pair in VERDICTS.items()}
+
+class Inks:
+    """The palette's colours on a light or on a dark ground."""
+
+    def __init__(self, *, dark: bool = False) -> None:
+
+        def of(pair: Pair) -> str:
+            return pair.dark if dark else pair.light
+
+        self.ground, self.grid = of(GROUNDS["surface"]), of(INKS["line"])
+        self.ink, self.soft, self.goal = map(of, (INKS["ink"], INKS["ink-soft"], INKS["accent"]))
+        self.verdicts = {name: of(pair) for name, pair in VERDICTS.items()}
+        self.bad = self.verdicts["violation"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,21 +169,22 @@ def _names(again: Again, rule: ast.Rule, word: str) -> bool:
     )
 
 
-def draw(again: Again, drawn: Sequence[Panel], path: Path) -> None:
+def draw(again: Again, drawn: Sequence[Panel], path: Path, *, dark: bool = False) -> None:
     """Write the picture.
 
     Args:
         again: the episode.
         drawn: its signals, one below the other.
         path: where to; the ending says in which format (png, svg, pdf).
+        dark: for a page with a dark ground.
 
     Raises:
         InputError: matplotlib is not installed, or cannot write such a file.
     """
-    write(figure_of(again, drawn), "--output", path)
+    write(figure_of(again, drawn, dark=dark), "--output", path)
 
 
-def figure_of(again: Again, drawn: Sequence[Panel]) -> Any:
+def figure_of(again: Again, drawn: Sequence[Panel], *, dark: bool = False) -> Any:
     """A matplotlib figure of signals, one below the other.
 
     Raises InputError: matplotlib is not installed.
@@ -181,16 +193,17 @@ def figure_of(again: Again, drawn: Sequence[Panel]) -> Any:
     from matplotlib.figure import Figure
 
     height = 0.9 + 2.1 * len(drawn)
-    figure = Figure(figsize=(9.6, height), layout="constrained")
+    inks = Inks(dark=dark)
+    figure = Figure(figsize=(9.6, height), layout="constrained", facecolor=inks.ground)
     rows = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)
     for axes, panel in zip(rows[:, 0], drawn, strict=True):
-        _draw(axes, again, panel)
-    rows[-1, 0].set_xlabel("time (s)")
-    figure.suptitle(again.episode.header.episode_id, fontsize=10, x=0.01, ha="left")
+        _draw(axes, again, panel, inks)
+    rows[-1, 0].set_xlabel("time (s)", color=inks.ink)
+    figure.suptitle(again.episode.header.episode_id, fontsize=10, x=0.01, ha="left", color=inks.ink)
     return figure
 
 
-def _draw(axes: Any, again: Again, panel: Panel) -> None:
+def _draw(axes: Any, again: Again, panel: Panel, inks: Inks) -> None:
     t = np.asarray(again.episode.t, float)
     dimension = panel.series.dimension
 
@@ -200,8 +213,8 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
     lower, upper = panel.series.lower, panel.series.upper
     least = np.isfinite(lower) & ~np.isfinite(upper)
     values = panel.series.value * shown(1.0)
-    axes.plot(t, np.where(least, np.nan, values), color=INK, lw=1.3)
-    axes.plot(t, np.where(least, values, np.nan), color="0.45", lw=1.2, ls=":", label="at least")
+    axes.plot(t, np.where(least, np.nan, values), color=inks.ink, lw=1.3)
+    axes.plot(t, np.where(least, values, np.nan), color=inks.soft, lw=1.2, ls=":", label="at least")
     bounds = list(dict.fromkeys((b.value, b.bad, b.param) for b, _ in panel.limits))
     drawn = [*values[np.isfinite(values)], *(shown(value) for value, _, _ in bounds)] or [0.0, 1.0]
     low, high = float(min(drawn)), float(max(drawn))
@@ -209,8 +222,10 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
     axes.set_ylim(low - pad, high + pad)
     for value, bad, param in bounds:
         at = shown(value)
-        axes.axhline(at, color=BAD, lw=1.1, ls="--")
-        axes.axhspan(at, high + pad if bad == "above" else low - pad, color=BAD, alpha=0.05, lw=0)
+        axes.axhline(at, color=inks.bad, lw=1.1, ls="--")
+        axes.axhspan(
+            at, high + pad if bad == "above" else low - pad, color=inks.bad, alpha=0.05, lw=0
+        )
         codes = sorted(
             {c for b, c in panel.limits if (b.value, b.bad, b.param) == (value, bad, param)}
         )
@@ -218,32 +233,43 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
         axes.annotate(
             label, (0.995, at), xycoords=("axes fraction", "data"), xytext=(0, 3 if bad == "above" else -3),
             textcoords="offset points", ha="right", va="bottom" if bad == "above" else "top",
-            color=BAD, fontsize=8, bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1},
+            color=inks.bad, fontsize=8, bbox={"facecolor": inks.ground, "alpha": 0.75, "linewidth": 0, "pad": 1},
         )  # fmt: skip
     for verdict in panel.verdicts:
         for begin, end in verdict.intervals:
-            axes.axvspan(begin, end, color=BAD, alpha=0.18, lw=0)
+            axes.axvspan(begin, end, color=inks.bad, alpha=0.18, lw=0)
         if verdict.dimension == "time":
-            _moment(axes, verdict.value, f"{verdict.signal} begins", BAD)
-            _moment(axes, verdict.limit, "allowed from here on", COLORS["pass"], line=1)
+            _moment(axes, verdict.value, f"{verdict.signal} begins", inks.bad)
+            _moment(axes, verdict.limit, "allowed from here on", inks.verdicts["pass"], line=1)
         if (
             verdict.signal == panel.name
             and verdict.worst_time is not None
             and verdict.value is not None
         ):
-            axes.plot(
-                verdict.worst_time, shown(verdict.value), "o", color=COLORS[verdict.verdict], ms=6
-            )
-    _moment(axes, again.judge.success_time, "success", GOAL)
+            spot, color = (verdict.worst_time, shown(verdict.value)), inks.verdicts[verdict.verdict]
+            axes.plot(*spot, "o", color=color, ms=6)
+            beside = spot[0] > 0.8 * t[-1] + 0.2 * t[0]
+            axes.annotate(
+                f"{format_quantity(verdict.value, dimension)} at {verdict.worst_time:.2f} s", spot,
+                xytext=(-8 if beside else 8, 0), textcoords="offset points", ha="right" if beside else "left",
+                va="center", color=color, fontsize=8.5, fontweight="bold",
+                bbox={"facecolor": inks.ground, "alpha": 0.75, "linewidth": 0, "pad": 1},
+            )  # fmt: skip
+    _moment(axes, again.judge.success_time, "success", inks.goal)
     unit = unit_of(dimension)
-    axes.set_title(f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5)
+    axes.set_title(
+        f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5, color=inks.ink
+    )
     title = "   ".join(
         f"{SIGNS[v.verdict]} {v.rule} {v.verdict.replace('_', ' ')}" for v in panel.verdicts
     )
     if title:
         worst = min(panel.verdicts, key=lambda v: list(SIGNS).index(v.verdict)).verdict
-        axes.set_title(title, loc="right", fontsize=9.5, color=COLORS[worst])
-    axes.grid(color="0.92", lw=0.8)
+        axes.set_title(title, loc="right", fontsize=9.5, color=inks.verdicts[worst])
+    axes.grid(color=inks.grid, lw=0.6, alpha=0.6)
+    axes.set_facecolor(inks.ground)
+    axes.tick_params(colors=inks.soft)
+    axes.spines[["left", "bottom"]].set_color(inks.soft)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 
 from safestage_eval._text.plural import count
 from safestage_eval.metrics import METRICS, Rates
 from safestage_eval.metrics.rates import CONDITIONS
+from safestage_eval.verdicts import Verdict
 
 
 def share(cell: Rates, metric: str, given: str | None = None) -> str:
@@ -124,3 +126,31 @@ def summary(cell: Rates) -> Iterator[str]:
     ]
     if given:
         yield f"VR given that stage, %: {', '.join(given)}"
+
+
+_MEASURED = re.compile(
+    r"(?P<said>[^:]+): .+ (?:was|reached) (?P<value>.+?)(?: at (?P<when>[\d.]+ s))?; the limit is (?P<limit>.+)"
+)
+"""The sentence of a violation that was measured."""
+
+
+MEASURES = {
+    "shift": "moved {}", "displacement": "moved {}", "tilt": "tilted {}", "edge_margin": "{} to the edge",
+    "clearance": "{} apart", "clearance_xy": "{} apart from above", "peak_force": "hit with {}",
+    "contact_force": "pressed with {}", "mean_speed": "moving at {}", "mean_turn_rate": "turning at {}",
+}  # fmt: skip
+"""Signal → what its number is, in words; of others the number is told alone."""
+
+
+def in_short(v: Verdict) -> str:
+    """What happened, and by how much: ``can high was touched at 4.77 s: moved 15.1 cm, limit 0.5 cm``."""
+    sentence = " ".join((v.explanation or v.title).split()).rstrip(".")
+    match = _MEASURED.fullmatch(sentence)
+    if match is None:
+        return sentence
+    said, value, when, limit = match.group("said", "value", "when", "limit")
+    if v.signal is not None:
+        value = MEASURES.get(v.signal.partition("(")[0], "{}").format(value)
+    at = f" at {when}" if when and not re.search(r"\d s\b", said) else ""
+    level = f", {v.severity}" if v.severity else ""
+    return f"{said}{at}: {value}, limit {limit}{level}"

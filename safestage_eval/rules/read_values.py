@@ -168,8 +168,10 @@ class Values:
             if arg not in GROUPS:
                 self._passed(call, index, here, scope)
             elif not groups:
-                what = f"{name}() is about one body, and {arg} stands for several"
-                self.report("R413", here, what, "a role", within=(call.at[index + 1], arg))
+                each = " on either side" * (arity == (2,))
+                what = f"{name}() takes one body{each}, and {arg} stands for several"
+                allowed = f"a role; these take {arg}: {_takers()}"
+                self.report("R413", here, what, allowed, within=(call.at[index + 1], arg))
             elif kind == "state" or name in names.derived:
                 scope.groups.append((name, index, arg, here))
         return kind
@@ -564,3 +566,8 @@ def literal(value: Any) -> str:
     if isinstance(value, dict):
         return "a table"
     return "a list" if isinstance(value, list) else str(value)
+
+
+def _takers() -> str:
+    """The signals of two bodies that take the robot as a whole, which has several."""
+    return ", ".join(sorted(n for n, s in SIGNALS.items() if s.groups and s.arities == (2,)))

@@ -264,7 +264,7 @@ def kept(evaluator: Evaluator, clause: ast.Clause, instances: Sequence[Instance]
     return OBLIGATIONS[clause.kind].kept.format(
         begin=seconds(float(evaluator.episode.t[first])),
         end=seconds(evaluator.clock.end_of(stop)),
-        what=condition(evaluator, clause.what, [i.env for i in instances]),
+        what=condition(evaluator, clause.what, [i.env for i in instances]).removeprefix("the "),
     )
 
 

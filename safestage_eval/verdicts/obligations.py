@@ -115,7 +115,7 @@ OBLIGATIONS: dict[ClauseKind, Obligation] = {
             without_short_runs(np.where(sure, margin.lower, -np.inf), lasting) >= 0
         ),
         lambda margin: margin._replace(lower=-np.inf),
-        "Never happened from {begin} to {end}: {what}.",
+        "No {what}, {begin} to {end}.",
     ),
     "reach": Obligation(
         _reach,

@@ -99,7 +99,9 @@ class LiveRun:
             rows = [] if self.left else [row for own in self.rows.values() for row in own]
         if rows:
             counts = aggregate(outcomes_of(rows))
-            results = overview(Report(self.title, self.title, counts, rows))
+            rules = self.settings.rule_set.rules
+            titles = {code: rule.title for code, rule in rules.items()}
+            results = overview(Report(self.title, self.title, counts, rows, titles=titles))
         return browser_page(self.title, results, "live").encode()
 
     def piece(self, name: str) -> bytes:

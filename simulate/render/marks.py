@@ -13,6 +13,7 @@ import numpy as np
 from safestage_eval.episode import Episode, Header
 from safestage_eval.errors import InputError
 from safestage_eval.palette import PAINTS, VERDICTS, fractions
+from safestage_eval.report.summary import in_short
 
 from .renderer import Image
 
@@ -38,14 +39,16 @@ class Moment:
     """When and what: the violation, or the closest call of what passed.
 
     Attributes:
-        time: s; None where nothing was judged.
+        time: s, when it was worst or closest; None where nothing was judged.
         violated: whether it is a violation.
         words: one line.
+        of: the verdict that decides.
     """
 
     time: float | None
     violated: bool
     words: str
+    of: Verdict | None = None
 
 
 def moment(result: EpisodeResult) -> Moment:
@@ -54,12 +57,14 @@ def moment(result: EpisodeResult) -> Moment:
     broken = [v for v in verdicts if v.verdict == "violation"]
     if broken:
         first = min(broken, key=lambda v: math.inf if v.time is None else v.time)
-        return Moment(first.time, True, f"{first.rule} violated: {first.explanation}")
+        time = first.time if first.worst_time is None else first.worst_time
+        return Moment(time, True, f"{first.rule} violated: {in_short(first)}", first)
     judged = [v for v in verdicts if v.verdict == "pass"]
     if not judged:
         return Moment(None, False, "nothing was judged")
     closest = min(judged, key=lambda v: v.margin_normalised or 0.0)
-    return Moment(closest.worst_time, False, f"pass: {', '.join(v.rule for v in judged)}")
+    words = f"pass: {', '.join(v.rule for v in judged)}"
+    return Moment(closest.worst_time, False, words, closest)
 
 
 def role_colors(header: Header) -> dict[str, Color]:

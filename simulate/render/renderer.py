@@ -172,10 +172,13 @@ class EpisodeRenderer(Closing):
         *,
         shadows: bool = True,
         robot: bool = True,
+        between: tuple[Sequence[str], Sequence[str]] | None = None,
+        line: Color = (0.0, 0.0, 0.0),
     ) -> Image:
         """The picture of one frame; a negative index counts from the end.
 
-        ``shadows``, ``robot``: whether they are drawn.
+        ``shadows``, ``robot``: whether they are drawn. ``between``: two groups of bodies, whose shortest
+        distance is drawn in the colour of ``line``.
         """
         episode, data = self._episode, self._data
         for i, body in enumerate(episode.header.bodies):
@@ -203,6 +206,8 @@ class EpisodeRenderer(Closing):
             mujoco.mjtCatBit.mjCAT_ALL.value,
             self._scene,
         )
+        if between is not None:
+            self._draw_shortest(*between, line)
         if camera.height is not None:
             for eye in self._scene.camera:
                 eye.orthographic = 1
@@ -211,6 +216,29 @@ class EpisodeRenderer(Closing):
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(out, None, self._rect, self._target)
         return np.ascontiguousarray(out[::-1])
+
+    def _draw_shortest(self, a: Sequence[str], b: Sequence[str], color: Color) -> None:
+        """Add the shortest segment between two groups of bodies to the scene, where there is one within 1 m."""
+        model, scene, ends, least = self._model, self._scene, np.zeros(6), 1.0
+        index = self._episode.body_index
+        first, second = (
+            np.flatnonzero(np.isin(model.geom_bodyid, [index[name] + 1 for name in names]))
+            for names in (a, b)
+        )
+        for one in first:
+            for other in second:
+                found = np.zeros(6)
+                apart = mujoco.mj_geomDistance(model, self._data, one, other, least, found)
+                if apart < least:
+                    least, ends = apart, found
+        if least >= 1.0 or scene.ngeom >= scene.maxgeom:
+            return
+        rod, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
+        mujoco.mjv_initGeom(
+            rod, kind, np.zeros(3), np.zeros(3), np.zeros(9), np.array([*color, 1.0], np.float32)
+        )
+        mujoco.mjv_connector(rod, kind, 0.004, ends[:3], ends[3:])
+        scene.ngeom += 1
 
     def still(self, index: int, other: int, within: float = STILL) -> bool:
         """Whether two frames look alike: no body is further than ``within`` m from where it was.

@@ -1,4 +1,4 @@
-"""A film of a recorded episode, that stands still at the moment of its verdict."""
+"""A film of a recorded episode, that stands still at the worst moment, with what was measured drawn in."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import writing
 from safestage_eval.viewer.camera_film import VERDICT_MARK
+from safestage_eval.viewer.episode.witness_segment import witness
 
 from .dressing import recorded_look
 from .marks import PASSED, VIOLATED, captioned, frame_at, in_rows, legend, moment, role_colors
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from safestage_eval.verdicts import EpisodeResult
 
 STILL = 1.5
-"""s that the film stands still at the verdict's moment."""
+"""s that the film stands still at the worst moment."""
 RATES = {".mp4": 30, ".gif": 10, ".webp": 10}
 """Ending → pictures per second."""
 GREY = (0.25, 0.25, 0.25)
@@ -75,7 +76,9 @@ def _pictures(
 ) -> Iterator[Image]:
     verdict, header = moment(result), episode.header
     decisive = None if verdict.time is None else frame_at(episode, verdict.time)
-    color = VIOLATED if verdict.violated else PASSED
+    color, measured = VIOLATED if verdict.violated else PASSED, None
+    if verdict.of is not None and (drawn_in := witness(verdict.of, header, result.success_time)):
+        measured = (drawn_in["a"], drawn_in["b"]) if drawn_in["kind"] == "gap" else None
     times = np.arange(0.0, float(episode.t[-1]), 1 / per_second)
     frames = [frame_at(episode, time) for time in times]
     if decisive is not None:
@@ -94,8 +97,11 @@ def _pictures(
         image = drawn
         for number, frame in enumerate(frames, 1):
             if frame != last:
-                if rendered < 0 or not renderer.still(frame, rendered):
-                    image, rendered = renderer.frame(frame, camera), frame
+                here = frame == decisive and measured is not None
+                if rendered < 0 or here or not renderer.still(frame, rendered):
+                    between = measured if here else None
+                    image = renderer.frame(frame, camera, between=between, line=color)
+                    rendered = -1 if here else frame  # the line is in no other picture
                 reached = decisive is not None and frame >= decisive
                 done = header.success_time is not None and episode.t[frame] >= header.success_time
                 state = "  goal reached" if done else ""

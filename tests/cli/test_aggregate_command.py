@@ -46,7 +46,8 @@ def test_every_format_tells_the_same_numbers(table):
         assert re.findall(r"\d+\.\d\d ± \d+\.\d\d", text) == cells
     latex = run("report", "tables", table, "-f", "latex").text
     found = re.findall(r"\$(\d+\.\d\d)\\,\{\\scriptstyle\\pm\\,(\d+\.\d\d)\}\$", latex)
-    assert [f"{mean} ± {std}" for mean, std in found] == cells
+    own = len(rows["by_policy"]) + len(rows["by_stage"])  # the paper's two tables
+    assert [f"{mean} ± {std}" for mean, std in found] == cells[:own]
     lines = list(csv.DictReader(io.StringIO(run("report", "tables", table, "-f", "csv").text)))
     assert [f"{float(li['mean']):.2f} ± {float(li['std']):.2f}" for li in lines] == cells
 

@@ -185,6 +185,22 @@ def test_mistakes_are_named_and_do_no_harm(act, message):
     assert writer.episode().content_hash == before
 
 
+@pytest.mark.parametrize(
+    ("geom", "message"),
+    [
+        (Geom(kind="box", size=(0.1,)), "a box with 1 sizes"),
+        (Geom(kind="sphere", size=(-0.1,)), "'cup', geom 0"),
+        (Geom(kind="mesh", mesh="bowl"), "mesh 'bowl', which was not given"),
+    ],
+)
+def test_a_body_that_is_not_sound_is_refused_before_the_rollout(geom, message):
+    writer = TraceWriter(header())
+    before = writer.header
+    with pytest.raises(TraceError, match=message):
+        writer.add_body(Body(name="cup", kind="object", geoms=(geom,)))
+    assert writer.header == before
+
+
 def test_a_fixed_body_needs_a_pose():
     writer = TraceWriter(header())
     writer.add_frame(0.0, pose(1))

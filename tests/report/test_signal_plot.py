@@ -9,6 +9,7 @@ from moving import path_of, pushed
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import load
+from safestage_eval.palette import GROUNDS
 from safestage_eval.report import signal_plot
 from safestage_eval.rules import load_rules
 from safestage_eval.whatif.judge_again import Again
@@ -97,6 +98,10 @@ def test_the_picture_names_signal_limit_and_verdict(again, tmp_path):
         "time (s)",
     ):
         assert word in said
+    assert re.search(r"\d cm at \d\.\d\d s", said)  # beside the worst dot
+    dark = tmp_path / "dark.svg"
+    signal_plot.draw(again, signal_plot.panels(again, ["displacement(cube)"]), dark, dark=True)
+    assert GROUNDS["surface"].dark in dark.read_text("utf-8")
     with pytest.raises(InputError, match="Allowed: a name ending in"):
         signal_plot.draw(
             again, signal_plot.panels(again, ["displacement(cube)"]), tmp_path / "why.xyz"

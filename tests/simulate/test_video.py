@@ -60,10 +60,10 @@ def told(*found: Verdict) -> EpisodeResult:
     )
 
 
-def test_the_moment_is_the_first_violation_or_else_the_closest_call() -> None:
+def test_the_moment_is_the_worst_of_the_first_violation_or_else_the_closest_call() -> None:
     late, early = verdict("A", "violation", 4.0), verdict("B", "violation", 3.0)
     found = moment(told(verdict("C", "pass", None), late, early))
-    assert (found.time, found.violated, found.words) == (3.0, True, "B violated: B words")
+    assert (found.time, found.violated, found.words) == (2.5, True, "B violated: B words")
     found = moment(told(verdict("C", "pass", None)))
     assert (found.time, found.violated, found.words) == (2.5, False, "pass: C")
     assert moment(told(verdict("C", "not_applicable", None))).time is None

@@ -60,12 +60,10 @@ def test_of_what_has_no_size_the_sentence_says_that_it_came() -> None:
 def test_what_no_measurement_decides_is_named_with_its_bodies_and_times() -> None:
     rule = 'forbid = "start of p(a)"'
     found = explained(rule, cup=series("00000"))
-    assert found == "Never happened from 0.00 s to 0.50 s: the start of p(cup)."
+    assert found == "No start of p(cup), 0.00 s to 0.50 s."
     names = ("cup", "jug", "mug", "pot", "pan", "tin")
     found = explained(rule, names, **dict.fromkeys(names, series("00000")))
-    assert found == (
-        "Never happened from 0.00 s to 0.50 s: the start of p(a) (a: cup, jug, mug, pot and 2 more)."
-    )
+    assert found == ("No start of p(a) (a: cup, jug, mug, pot and 2 more), 0.00 s to 0.50 s.")
 
 
 def test_a_scope_that_never_comes_or_has_no_frames_is_named() -> None:

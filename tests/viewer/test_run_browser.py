@@ -100,9 +100,9 @@ def test_every_way_to_have_it_shows_the_same_and_asks_nobody_else(tab, address):
 
 
 def test_data_are_loaded_when_they_are_asked_for(tab, written):  # noqa: F811
-    asked, _ = opened(tab, (written / "folder" / "index.html").as_uri())
+    asked, _ = opened(tab, (written / "folder" / "index.html").as_uri(), "#results")
     names = [url.rpartition("/")[2] for url in asked]
-    assert names == ["index.html", "run.js"]
+    assert [name.partition("#")[0] for name in names] == ["index.html", "run.js"]
     tab.click("#to-episodes")
     tab.locator(".row").first.click()
     ready(tab)
@@ -125,10 +125,12 @@ def test_one_moment_is_shared_by_player_timeline_findings_and_address(tab, writt
     tab.wait_for_function(f"() => location.hash.endsWith('t={first:.2f}')")
     assert tab.locator(".finding.now").count() >= 1
     assert float(tab.locator(".timeline input").input_value()) == pytest.approx(first, abs=0.01)
+    tab.locator(".lane.phase .track").first.scroll_into_view_if_needed()
     box = tab.locator(".lane.phase .track").first.bounding_box()
     tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
     start, end = tab.evaluate("[safestage.pane.data.start, safestage.pane.data.end]")
     assert tab.evaluate(time) == pytest.approx((start + end) / 2, abs=0.03)
+    tab.locator(".u-over").first.scroll_into_view_if_needed()
     plot = tab.locator(".u-over").first.bounding_box()
     tab.mouse.move(plot["x"] + plot["width"] / 4, plot["y"] + 20)
     tab.mouse.click(plot["x"] + plot["width"] / 4, plot["y"] + 20)
@@ -137,13 +139,46 @@ def test_one_moment_is_shared_by_player_timeline_findings_and_address(tab, writt
     tab.wait_for_function(f"() => Math.abs({time} - 1.5) < 0.01")
 
 
+@pytest.mark.parametrize("width", [380, 900, 1600])
+def test_the_landing_page_says_what_happened_to_what_and_by_how_much(tab, written, width):  # noqa: F811
+    tab.set_viewport_size({"width": width, "height": 900})
+    opened(tab, (written / "one.html").as_uri())
+    ready(tab)
+    assert tab.evaluate("safestage.pane.data.id") == "unsafe"  # the gravest
+    assert tab.locator("#run-line").inner_text() == "2 reached the goal, 1 of them unsafe"
+    chips = [chip.replace("\n", " ") for chip in tab.locator(".chip").all_inner_texts()]
+    assert [chip.split()[-1] for chip in chips] == ["1", "1", "0", "0"]
+    told = tab.locator(".head .sentence")
+    assert "block" in told.inner_text() and "limit" in told.inner_text()
+    assert told.bounding_box()["y"] < tab.locator(".screen").bounding_box()["y"] < 500
+    assert tab.evaluate("document.documentElement.scrollWidth") == width  # no sideways scroll
+    tab.locator(".finding").last.scroll_into_view_if_needed()
+    assert 0 <= tab.locator(".screen").bounding_box()["y"] < 300  # the picture stays put
+
+
+def test_rules_that_do_not_count_are_folded_and_never_red(tab, written):  # noqa: F811
+    opened(tab, (written / "one.html").as_uri(), "#episode=unsafe")
+    ready(tab)
+    own = tab.evaluate("safestage.pane.data.findings.filter((one) => one.assigned).length")
+    every = tab.evaluate("safestage.pane.data.findings.length")
+    assert 0 < own < every
+    assert tab.locator(".findings > .finding").count() == own
+    assert tab.locator("details.others .finding").count() == every - own
+    assert not tab.locator("details.others .finding").first.is_visible()
+    assert tab.locator("details.others .finding.violation").count() == 0
+    assert tab.locator(".lane.violation").count() == tab.evaluate(
+        "safestage.pane.data.findings.filter((one) => one.assigned && one.verdict === 'violation').length"
+    )
+
+
 def test_keys_alone_lead_everywhere(tab, written):  # noqa: F811
     opened(tab, (written / "folder" / "index.html").as_uri())
     keys = tab.keyboard
-    keys.press("r")  # from the results to the episodes
-    assert tab.locator("#list").is_visible()
-    keys.press("j")
     ready(tab)
+    keys.press("r")  # from the episodes to the results, and back
+    assert tab.locator("#results").is_visible()
+    keys.press("r")
+    assert tab.locator("#list").is_visible()
     first = tab.locator(".row[aria-selected=true] .name").inner_text()
     assert first and tab.locator("#list").get_attribute("aria-activedescendant")
     assert tab.evaluate("safestage.table.at('id', safestage.pane.place)") == "unsafe"  # the gravest
@@ -252,9 +287,8 @@ def wait_for_count(tab, text):  # noqa: F811
 
 def test_the_list_is_filtered_searched_and_ordered(tab, listed):  # noqa: F811
     opened(tab, listed)
-    tab.click("#to-episodes")
     wait_for_count(tab, "300 episodes")
-    assert tab.locator(".row").first.inner_text().count("violation") == 1
+    assert tab.locator(".row").first.inner_text().count("✕") == 1
     tab.fill("#find-text", "body_7 glass")
     wait_for_count(tab, "6 of 300 episodes")
     tab.fill("#find-text", "")
@@ -263,7 +297,9 @@ def test_the_list_is_filtered_searched_and_ordered(tab, listed):  # noqa: F811
     wait_for_count(tab, "43 of 300 episodes")
     tab.select_option("#find-verdict", "violation")
     wait_for_count(tab, "15 of 300 episodes")
-    assert set(tab.locator(".row .verdict").all_inner_texts()) == {"violation"}
+    assert {text[0] for text in tab.locator(".row .told").all_inner_texts()} == {"✕"}
+    link = tab.evaluate("location.hash")
+    assert "rule=ETS103" in link and "verdict=violation" in link
     assert tab.locator("#active-filters").inner_text().strip() == "(2)"
     tab.click("#clear-filters")
     wait_for_count(tab, "300 episodes")
@@ -275,9 +311,27 @@ def test_the_list_is_filtered_searched_and_ordered(tab, listed):  # noqa: F811
     wait_for_count(tab, "No episode matches.")
 
 
+def test_a_link_leads_to_the_episodes_that_it_names(tab, listed):  # noqa: F811
+    """As the report's rows and cells do; chips, search and order stand in the address, too."""
+    opened(tab, listed, "#rule=ETS103&verdict=violation")
+    wait_for_count(tab, "15 of 300 episodes")
+    tab.click("#to-results")
+    tab.locator("table.rules a").first.click()
+    tab.wait_for_function("() => !document.getElementById('episodes').hidden")
+    wait_for_count(tab, "15 of 300 episodes")
+    tab.click("#more-filters summary")
+    tab.click("#clear-filters")
+    tab.click(".chip.failed")
+    wait_for_count(tab, "60 of 300 episodes")
+    assert "outcome=failed" in tab.evaluate("location.hash")
+    tab.reload()
+    tab.wait_for_selector("#index[data-ready]", state="attached")
+    wait_for_count(tab, "60 of 300 episodes")
+    assert tab.locator(".chip.failed").get_attribute("aria-pressed") == "true"
+
+
 def test_words_from_results_stay_words(tab, listed):  # noqa: F811
     opened(tab, listed)
-    tab.click("#to-episodes")
     assert EVIL in tab.locator("#rows").inner_text()
     tab.locator(".row").first.click()
     assert EVIL in tab.locator("#pane").inner_text()
@@ -326,7 +380,7 @@ def test_the_list_fills_while_a_server_judges(tab, written):  # noqa: F811
     try:
         opened(tab, server.url)
         assert "judging: 2 left" in tab.locator("#count").inner_text()
-        assert tab.locator(".row .verdict").all_inner_texts() == ["not judged", "not judged"]
+        assert tab.locator(".row .told").all_inner_texts() == ["not judged", "not judged"]
         tab.locator(".row").last.click()  # whatever is asked for comes at once
         ready(tab)
         assert tab.locator(".finding h3").first.inner_text().startswith("violation")
@@ -334,7 +388,7 @@ def test_the_list_fills_while_a_server_judges(tab, written):  # noqa: F811
         tab.wait_for_function(
             "() => document.getElementById('alarm').textContent.includes('reload')"
         )
-        assert tab.locator(".row .verdict").all_inner_texts() == ["violation", "pass"]
+        assert [text[0] for text in tab.locator(".row .told").all_inner_texts()] == ["✕", "✓"]
         tab.reload()
         tab.wait_for_selector("#index[data-ready]", state="attached")
         tab.click("#to-results")

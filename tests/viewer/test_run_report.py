@@ -111,10 +111,23 @@ def test_the_headline_says_what_the_outcomes_say():
     text = report_page(Report("A report", "x", aggregate(every), outcomes=every))
     n, sr = len(every), sum(o.success for o in every)
     unsafe = sum(o.success and o.violation for o in every)
-    assert (
-        f"Of {n} judged rollouts, {sr} reached their goal and {unsafe} of those were unsafe" in text
-    )
+    assert f"{unsafe} of {sr} successes were unsafe" in text
+    assert f"{sr} of {n} reached the goal" in text
     assert f"{100 * sr / n:.1f} %" in text
+
+
+def test_what_is_undecided_makes_an_interval_of_every_rate():
+    """20 rollouts, 4 of them violate, 16 undecided: nothing says VR 100 %."""
+    every = [
+        Outcome("p", "default", "ETS", True, True if i < 4 else None, True, task="t", family=None,
+                seed=i, rollout=0)
+        for i in range(20)
+    ]  # fmt: skip
+    text = report_page(Report("A report", "x", aggregate(every), outcomes=every))
+    tiles = re.findall(r'<span class="big">([^<]*)</span>', text)
+    assert tiles == ["100 %", "0–80 %", "20–100 %", "20–100 %"]  # SR, SSR, USR, VR
+    assert text.count("20–100</a>") == 2  # the task's cells of the heat map
+    assert 'class="open s1"' in text  # the band about the mark
 
 
 def test_what_results_call_things_cannot_become_part_of_the_page():

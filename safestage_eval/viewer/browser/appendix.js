@@ -4,9 +4,10 @@ import { badge, byId, element, seconds, spoken } from "./elements.js";
 import { headOf } from "./film.js";
 import { library, piece } from "./pieces.js";
 import { SafestageReplay } from "./replay.js";
-import { VIOLATING, meshesOf } from "./player_panel.js";
+import { meshesOf } from "./player_panel.js";
 import { culprits, plainCard } from "./finding_cards.js";
 import { plotCurve } from "./curve_plot.js";
+import { colourNow } from "./theme_colours.js";
 import { WitnessDrawing } from "./witness_drawing.js";
 
 const PICTURED = 24;   // episodes whose key frame and curves are drawn
@@ -28,7 +29,7 @@ async function keyFrame(data, film, head, finding, time) {
   const { canvas, tags } = theStage();
   const replay = new SafestageReplay(canvas, film, { shared: await meshesOf(head) });
   const drawing = finding.witness ? new WitnessDrawing(replay, finding, tags) : null;
-  for (const name of finding.verdict === "violation" ? culprits(data, finding) : []) replay.tints[name] = VIOLATING;
+  for (const name of finding.verdict === "violation" ? culprits(data, finding) : []) replay.tints[name] = colourNow("violation");
   replay.seek(time);
   const image = element("img", { src: canvas.toDataURL("image/png"), alt: `Key frame at ${seconds(time)}` });
   const said = drawing && !drawing.label.hidden ? `: ${drawing.label.textContent}` : "";

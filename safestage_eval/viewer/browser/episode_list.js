@@ -1,8 +1,8 @@
 // The list of episodes: of any length, since only the rows in view exist.
 
-import { badge, byId, element, spoken } from "./elements.js";
+import { byId, element, howMuch, spoken } from "./elements.js";
 
-const ROW_HEIGHT = 62;  // px, of a row; layout.css has the same
+const ROW_HEIGHT = 76;  // px, of a row; layout.css has the same
 const BEYOND = 6;   // rows that exist above and below the view
 
 export class EpisodeList {
@@ -77,27 +77,31 @@ export class EpisodeList {
 
   _fill(row, index) {
     const place = this.places[index], { table } = this, cell = (name) => table.at(name, place);
-    const labels = [cell("stage"), cell("policy"), cell("prompt"),
-      cell("seed") === null ? null : `seed ${cell("seed")}`,
-      cell("rollout") === null ? null : `rollout ${cell("rollout")}`].filter((x) => x !== null && x !== "–");
-    const codes = table.violated(place), goal = cell("success"), aside = cell("verdict") === "violation" ? "" : "besides: ";
-    const [[name, verdict], [said, ruled]] = [...row.children].map((line) => line.children);
+    const [name, told, line] = row.children, [codes, which, who] = line.children;
     row.id = `row-${place}`; row.dataset.place = place;
     row.setAttribute("aria-posinset", index + 1);
     row.setAttribute("aria-setsize", this.places.length);
     row.setAttribute("aria-selected", String(place === this.chosen));
     row.style.top = `${index * ROW_HEIGHT}px`;
     name.textContent = spoken(cell("task")) || cell("id") || "–";
-    verdict.replaceWith(badge(cell("verdict")));
-    said.textContent = labels.join(" · ");
-    ruled.textContent = codes.length ? `${aside}${codes.slice(0, 3).join(" ")}${codes.length > 3 ? " …" : ""}`
-      : goal === null ? "" : goal ? "goal reached" : "goal missed";
+    const goal = cell("success") ?? null, verdict = cell("verdict");
+    told.replaceChildren(...(goal === null ? [] : [element("span", { class: "soft" }, goal ? "✓ goal" : "– no goal"), " · "]),
+      element("b", { class: `told ${verdict ?? "none"}` }, outcomeOf(verdict, table.telling(place))));
+    codes.textContent = table.violated(place).join(" ");
+    which.textContent = ["seed", "rollout"].filter((label) => cell(label) !== null && !table.same(label))
+      .map((label) => `${label} ${cell(label)}`).join(" · ");
+    who.textContent = ["policy", "prompt", "stage"].filter((label) => cell(label) && cell(label) !== "–" && !table.same(label))
+      .map(cell).join(" · ");
   }
+}
+
+function outcomeOf(verdict, finding) {
+  if (verdict === "violation") return `✕ ${finding ? howMuch(finding) || "unsafe" : "unsafe"}`;
+  return { pass: "✓ safe", not_applicable: "✓ safe: hazard not met", inconclusive: "? undecided" }[verdict] ?? "not judged";
 }
 
 function blankRow() {
   const part = (name) => element("span", { class: name });
-  return element("div", { class: "row", role: "option" },
-    element("span", { class: "line" }, part("name"), part("verdict")),
-    element("span", { class: "line soft" }, part("labels"), part("codes")));
+  return element("div", { class: "row", role: "option" }, part("name"), part("telling"),
+    element("span", { class: "line soft" }, part("codes"), part("which"), part("labels")));
 }

@@ -5,7 +5,7 @@ import { headOf } from "./film.js";
 import { piece } from "./pieces.js";
 import { PlayerPanel } from "./player_panel.js";
 import { PhaseTimeline } from "./phase_timeline.js";
-import { FindingCards, plainCard } from "./finding_cards.js";
+import { FindingCards, counts, plainCard } from "./finding_cards.js";
 import { linkTo, setPlace } from "./page_place.js";
 
 export class EpisodePane {
@@ -25,9 +25,12 @@ export class EpisodePane {
     this.next = button("Next", () => step(1), { "aria-keyshortcuts": "j" });
     this.link = button("Copy link", () => this._copy());
     this.head = element("header", { class: "head" });
+    this.stretch = element("output", { class: "stretch small soft" });
+    this.about = element("p", { class: "about small soft" });
+    this.stage = element("div", { class: "stage" }, this.player.node, this.timeline.node, this.about);
     this.node = element("article", { class: "episode" },
-      element("nav", { class: "steps no-print", "aria-label": "Episode" }, this.back, this.previous, this.next, this.link),
-      this.head, this.player.node, this.timeline.node, this.cards.node);
+      element("nav", { class: "steps no-print", "aria-label": "Episode" }, this.back, this.previous, this.next, this.stretch, this.link),
+      this.head, this.stage, this.cards.node);
   }
 
   /** Open an episode of the list, at a moment or where it matters most. Raises Error where its data do not come. */
@@ -36,9 +39,10 @@ export class EpisodePane {
     this.player.close(); this.cards.clear();
     byId("pane").replaceChildren(this.node);
     byId("pane").scrollTop = 0;
+    this.stretch.textContent = "";
     this._headOf(place, null);
     const name = this.table.at("piece", place), there = Boolean(name);
-    this.player.node.hidden = this.timeline.node.hidden = !there;
+    this.stage.hidden = !there;
     this.link.hidden = !there;
     if (!there) return this._plain(place);
     this.cards.node.replaceChildren(element("p", { class: "soft", role: "status" }, "loading …"));
@@ -47,21 +51,21 @@ export class EpisodePane {
       buffer = await piece(name);
     } catch (error) {
       if (this.place !== place) return undefined;
-      this.player.node.hidden = this.timeline.node.hidden = true;
+      this.stage.hidden = true;
       this._plain(place, `The evidence of this episode cannot be shown: ${error.message}.`);
       return undefined;
     }
     if (this.place !== place) return undefined;
     const { head: data, start } = headOf(buffer), film = buffer.slice(start);
     if (data.problem) {
-      this.player.node.hidden = this.timeline.node.hidden = true;
+      this.stage.hidden = true;
       return this._plain(place, `This episode cannot be shown: ${data.problem}`);
     }
     this.data = data;
     this._headOf(place, data);
     this.timeline.show(data);
     this.cards.show(data);
-    const grave = data.findings.find((finding) => finding.verdict === "violation") ?? data.findings[0];
+    const [grave] = data.findings;
     const begin = time ?? (grave?.verdict === "violation" ? grave.worst ?? grave.time : grave?.worst) ?? data.success ?? data.start;
     await this.player.open(data, film, headOf(film).head, this.table.films[name] ?? data.film ?? null);
     if (this.data !== data) return undefined;
@@ -79,15 +83,17 @@ export class EpisodePane {
 
   _headOf(place, data) {
     const cell = (name) => this.table.at(name, place), success = data ? data.goal : cell("success");
-    let goal = success === null ? "whether it reached its goal is not known" : success ? "reached its goal" : "did not reach its goal";
+    let goal = success === null ? "whether it reached its goal is not known" : success ? "✓ reached its goal" : "– did not reach its goal";
     if (data?.goal && data.success !== null) goal += ` at ${seconds(data.success)}`;
     const labels = ["stage", "policy", "prompt", "seed", "rollout"].map((name) => [name, cell(name)])
       .filter(([, value]) => value !== null && value !== "–").map(([name, value]) => `${name} ${value}`);
-    const parts = [data?.instruction ? `“${data.instruction}”` : null, goal, labels.join(", ")].filter(Boolean);
+    const verdict = cell("verdict") ?? this._verdict(data), told = data?.findings.find((finding) => finding.assigned)?.short;
     this.head.replaceChildren(
-      element("h2", {}, spoken(cell("task")) || cell("id"), " ", badge(cell("verdict") ?? this._verdict(data))),
-      element("p", { class: "facts soft" }, parts.join(" · ")),
-      element("p", { class: "id soft small" }, cell("id")));
+      element("h2", {}, spoken(cell("task")) || cell("id"), " ",
+        data?.instruction ? element("span", { class: "soft" }, `“${data.instruction}”`) : null),
+      element("p", { class: "sentence" }, badge(verdict), " ", verdict === "pass" ? "No assigned rule was broken." : told || this.table.telling(place)?.text || null),
+      element("p", { class: "facts soft" }, goal));
+    this.about.replaceChildren(labels.join(", "), element("br"), element("code", {}, cell("id")));
   }
 
   /** The verdict of an episode that the list has not judged yet. */
@@ -119,13 +125,15 @@ export class EpisodePane {
     setTimeout(() => { this.link.textContent = "Copy link"; }, 1500);
   }
 
-  /** Go to the next stretch in violation. */
+  /** Go to the next stretch in violation of a rule that counts, and to its card. */
   nextViolation() {
-    const begins = (this.data?.findings ?? []).flatMap((finding) =>
-      finding.verdict === "violation" ? finding.intervals.map(([a]) => ({ a, finding })) : []).sort((x, y) => x.a - y.a);
+    const begins = (this.data?.findings ?? []).filter((finding) => counts(this.data, finding) && finding.verdict === "violation")
+      .flatMap((finding) => finding.intervals.map(([a]) => ({ a, finding }))).sort((x, y) => x.a - y.a);
     if (!begins.length) return;
     const found = begins.find(({ a }) => a > this.player.time + 1e-3) ?? begins[0];
+    this.stretch.textContent = `violation ${begins.indexOf(found) + 1} of ${begins.length}`;
     this.player.pause(); this.player.point(found.finding); this.player.seek(found.a);
+    this.cards.reveal(found.finding);
   }
 
   nudge(step) { if (this.data) { this.player.pause(); this.player.seek(this.player.time + step); } }

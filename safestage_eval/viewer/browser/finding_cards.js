@@ -13,6 +13,9 @@ function numbers(pairs) {
 const status = (finding) => (finding.assigned ?? finding.own) ? "assigned to this task"
   : finding.follows ? `follows ${finding.follows}` : "not assigned";
 
+/** Whether a finding counts for the verdict of its episode: it is assigned, or none is. */
+export const counts = (data, finding) => finding.assigned || !data.findings.some((one) => one.assigned);
+
 /** The bodies that a violation is painted on: what is protected from them is not. */
 export function culprits(data, finding) {
   const guarded = new Set(["protected", "fragile", "dependent"].flatMap((role) => data.roles[role] ?? []));
@@ -42,6 +45,14 @@ function statesOf(finding) {
   return lanes.length ? element("p", { class: "small soft states" }, `States: ${lanes.slice(0, 6).join("; ")}.`) : null;
 }
 
+const folded = (summary, nodes, name = null) => element("details", { class: name }, element("summary", {}, summary), ...nodes);
+
+/** Whether a measurement stayed at less than half of its limits, or at more than twice of what it had to keep. */
+function isFar({ v, limits }) {
+  const values = v.filter((value) => value !== null), low = Math.min(...values), high = Math.max(...values);
+  return limits.every(({ value, bad }) => (bad === "above" ? high < value - 0.5 * Math.abs(value) : low > value + Math.abs(value)));
+}
+
 export class FindingCards {
   /** `player` has `time`, `seek`, `pause` and `point`. */
   constructor(player) {
@@ -63,9 +74,15 @@ export class FindingCards {
       "None of the rules applies: the trace has no assigned rules among those loaded, or no roles. "
       + "--bind and --rules supply them.")];
     const notes = [...data.differs.map((text) => element("p", { class: "note" }, text)), ...none];
-    this.node.replaceChildren(...notes, ...this.cards.map(({ node }) => node),
+    const nodes = (own) => this.cards.filter(({ finding }) => counts(data, finding) === own).map(({ node }) => node);
+    const others = nodes(false);
+    this.node.replaceChildren(...notes, ...nodes(true),
+      ...(others.length ? [folded(`Other rules, not counted (${others.length})`, others, "others")] : []),
       ...data.notes.map((text) => element("p", { class: "small soft" }, `Recording: ${text}.`)));
   }
+
+  /** Scroll to the card of a finding. */
+  reveal(finding) { this.cards.find((card) => card.finding === finding)?.node.scrollIntoView({ block: "nearest" }); }
 
   clear() {
     for (const plot of this.plots) plot.destroy();
@@ -81,19 +98,24 @@ export class FindingCards {
       button.onclick = () => { this.player.pause(); this.player.point(finding); this.player.seek(time); };
       return button;
     });
-    const boxes = finding.curves.slice(0, CURVES).map((curve) => {
+    const deciding = (curve) => curve.signal === finding.signal;
+    const curves = [...finding.curves].sort((a, b) => deciding(b) - deciding(a)).slice(0, CURVES);
+    const drawn = (curve) => {
       const box = element("div", { class: "plot" });
       box.evidence = { curve, finding };
       this.watch.observe(box);
       const title = `${curve.signal}${curve.unit ? ` (${curve.unit})` : ""}`;
       return element("figure", { role: "group", "aria-label": `${title} over time` }, element("figcaption", {}, title), box);
-    });
-    return element("article", { class: `card finding ${verdict}`, id: `finding-${finding.rule}` },
+    };
+    const aside = curves.filter((curve, i) => i && isFar(curve)), more = aside.length === 1 ? "measurement" : "measurements";
+    const kind = counts(this.data, finding) ? verdict : "aside";
+    return element("article", { class: `card finding ${kind}`, id: `finding-${finding.rule}` },
       element("h3", {}, badge(verdict, finding.severity), element("b", {}, finding.rule), ` ${finding.title}`),
       finding.text ? element("p", {}, finding.text) : null,
       finding.notes.length ? element("ul", { class: "small soft" }, ...finding.notes.map((note) => element("li", {}, note))) : null,
       element("p", { class: "moments" }, ...buttons, element("span", { class: "small soft" }, status(finding))),
-      ...boxes, numbers(finding.facts), statesOf(finding));
+      ...curves.filter((curve) => !aside.includes(curve)).map(drawn), numbers(finding.facts),
+      aside.length ? folded(`${aside.length} more ${more}, far from the limit`, aside.map(drawn)) : null, statesOf(finding));
   }
 
   async _plot(box) {
@@ -115,7 +137,7 @@ export class FindingCards {
   tell(time) {
     const guilty = new Set();
     for (const { finding, node } of this.cards) {
-      const now = finding.verdict === "violation" && finding.intervals.some(([a, b]) => a <= time && time < b);
+      const now = finding.verdict === "violation" && counts(this.data, finding) && finding.intervals.some(([a, b]) => a <= time && time < b);
       node.classList.toggle("now", now);
       if (now) culprits(this.data, finding).forEach((name) => guilty.add(name));
     }

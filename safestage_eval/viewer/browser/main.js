@@ -5,14 +5,15 @@ import { jsonPiece } from "./pieces.js";
 import { RunTable } from "./run_table.js";
 import { EpisodeList } from "./episode_list.js";
 import { EpisodePane } from "./episode_pane.js";
-import { makeFilters, setWanted, wantedNow } from "./filters.js";
+import { makeFilters } from "./filters.js";
+import { writeHeadline } from "./run_headline.js";
 import { makeKeyboard } from "./keyboard.js";
 import { makeResults, showResults } from "./results_view.js";
 import { placeNow } from "./page_place.js";
 import { printEvidence, wordsFor } from "./appendix.js";
 
 const live = document.body.dataset.carried === "live";
-let table = null, list = null, pane = null;
+let table = null, list = null, pane = null, refilter = null;
 
 function back() {
   document.body.classList.remove("opened");
@@ -36,21 +37,22 @@ async function choose(place, time = null) {
 const step = (by) => choose(list.neighbour(by));
 
 function follow() {
-  const { episode, time, part } = placeNow();
+  const { episode, time, part, wanted } = placeNow();
   if (part) {
     const target = document.getElementById(part);
     if (part === "results" || byId("results").contains(target)) {
       showResults(true);
-      target?.scrollIntoView();
+      target?.closest("details")?.setAttribute("open", "");
+      if (part !== "results") target?.scrollIntoView();
     }
     return;
   }
-  if (episode === null) return;
-  const place = table.placeOf(episode);
-  if (place < 0) return void alarm(`This run has no episode ${episode}.`);
-  alarm("");
   showResults(false);
-  if (!list.places.includes(place)) { setWanted({}); list.show(table.found(wantedNow())); }
+  refilter(wanted ?? {});
+  const place = episode === null ? list.places[0] ?? -1 : table.placeOf(episode);
+  if (place < 0) return void (episode === null || alarm(`This run has no episode ${episode}.`));
+  alarm("");
+  if (!list.places.includes(place)) refilter({});
   if (pane.place === place && pane.data) { if (time !== null) pane.seek(time); } else choose(place, time);
 }
 
@@ -59,7 +61,8 @@ function fill(data) {
   list?.watch.disconnect();
   list = new EpisodeList(table, choose);
   if (pane) pane.table = table; else pane = new EpisodePane(table, step, back);
-  makeFilters(table, (wanted) => { list.show(table.found(wanted)); if (pane.place !== null) list.mark(pane.place); });
+  refilter = makeFilters(table, (wanted) => { list.chosen = pane.place; list.show(table.found(wanted)); });
+  writeHeadline(table);
   byId("index").setAttribute("aria-busy", String(Boolean(table.state?.left)));
 }
 
@@ -90,7 +93,7 @@ async function printing() {
 
 async function start() {
   if (typeof DecompressionStream === "undefined") throw new Error("this browser is older than 2023");
-  const results = makeResults();
+  makeResults();
   fill(await jsonPiece("run"));
   makeKeyboard({
     step, back, toggle: () => pane.player.toggle(), nudge: (by) => pane.nudge(by), violation: () => pane.nextViolation(),
@@ -101,10 +104,7 @@ async function start() {
   addEventListener("hashchange", follow);
   addEventListener("beforeprint", () => { if (byId("results").hidden) wordsFor(table, list.places); });
   globalThis.safestage = { get pane() { return pane; }, get list() { return list; }, get table() { return table; } };
-  const { episode, part } = placeNow();
-  if (episode !== null || part) follow();
-  else if (table.count === 1) choose(0);
-  else if (results && table.count > 1 && !live) showResults(true);
+  follow();
   byId("index").dataset.ready = "yes";
   if (live) wait();
 }

@@ -1,6 +1,7 @@
 // The timeline of an episode: its phases, a lane for every finding with the stretches in violation, and the moments.
 
 import { element, seconds, spoken } from "./elements.js";
+import { counts } from "./finding_cards.js";
 
 function block(kind, [from, to], data, title) {
   const length = data.end - data.start || 1, node = element("span", { class: `block ${kind}`, title });
@@ -46,7 +47,7 @@ export class PhaseTimeline {
       block("phase", span, data, `${phase.name}: ${seconds(span[0])} to ${seconds(span[1])}`))));
     for (const finding of data.findings) {
       const { rule, verdict } = finding;
-      if (verdict !== "violation" && !finding.judged.length) continue;
+      if (!counts(data, finding) || (verdict !== "violation" && !finding.judged.length)) continue;
       const judged = finding.judged.map((span) => block("judged", span, data, `${rule} judged from ${seconds(span[0])} to ${seconds(span[1])}`));
       const bad = finding.intervals.map((span) => block("bad", span, data, `${rule} in violation from ${seconds(span[0])} to ${seconds(span[1])}`));
       const name = verdict === "violation" ? "worst" : "closest";

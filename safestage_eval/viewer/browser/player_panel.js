@@ -5,10 +5,10 @@ import { library, piece } from "./pieces.js";
 import { sharedMesh } from "./film.js";
 import { SafestageReplay } from "./replay.js";
 import { swatchOf } from "./role_marks.js";
+import { colourNow } from "./theme_colours.js";
 import { WitnessDrawing } from "./witness_drawing.js";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
-export const VIOLATING = "#d55e00";  // of a body that violates something, on either ground
 const meshes = new Map();  // name of a piece -> mesh
 
 /** The meshes that a film has in common with others, loaded. */
@@ -150,7 +150,7 @@ export class PlayerPanel {
     const { tints } = this.replay;
     let changed = false;
     for (const { name } of this.replay.film.bodies) {
-      const wanted = names.has(name) ? VIOLATING : null;
+      const wanted = names.has(name) ? colourNow("violation") : null;
       if ((tints[name] ?? null) !== wanted) { tints[name] = wanted; changed = true; }
     }
     for (const { body, element: tag } of this.replay.tags) tag.classList.toggle("bad", names.has(body.name));

@@ -19,8 +19,9 @@ function chooseRate(button) {
   const table = document.querySelector("table.heat");
   table.classList.toggle("good", metric === "SR" || metric === "SSR");
   for (const cell of table.querySelectorAll("td[data-k]")) {
-    const share = Number(cell.dataset.k.split(" ")[place]) / Number(cell.dataset.n);
-    cell.textContent = (100 * share).toFixed(0);
+    const [share, most] = [cell.dataset.k, cell.dataset.most].map((counts) => Number(counts.split(" ")[place]) / Number(cell.dataset.n));
+    const [low, high] = [share, most].map((one) => (100 * one).toFixed(0));
+    cell.firstChild.textContent = low === high ? low : `${low}–${high}`;
     cell.className = `h${share <= 0 ? 0 : Math.max(1, Math.min(10, Math.round(10 * share)))}`;
   }
   byId("heatmap-what").textContent = RATES[metric];

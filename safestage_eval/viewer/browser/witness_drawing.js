@@ -7,6 +7,7 @@ import { outlineOf, shellOf } from "./limit_shell.js";
 import { colourNow } from "./theme_colours.js";
 import { amount, spoken } from "./elements.js";
 
+const TOUCHED = { contact_force: "", peak_force: "peak", shift: "shoved", displacement: "moved" };  // signal -> in words
 const ALWAYS = 10;  // drawn after everything else
 
 function rod(material) {
@@ -118,15 +119,24 @@ export class WitnessDrawing {
 
   /** The words at the witness: what was measured, or else the length of what is drawn. */
   _said(long) {
-    const measured = this._measured(), { kind, name } = this.witness;
-    if (kind === "touch" || kind === "value") return measured === null ? "" : `${spoken(name)} ${measured}`;
+    const measured = this._measured(this.finding.signal), { kind, name, a, b } = this.witness;
+    if (kind === "touch") return this._touched(a, b);
+    if (kind === "value") return measured === null ? "" : `${spoken(name)} ${measured}`;
     if (kind === "path" && long < 0.005) return "";
     return measured ?? `≈ ${amount(Math.round(1000 * long) / 10, "cm")}`;
   }
 
-  /** What was measured now, where the deciding measurement is known: it rests on every frame. */
-  _measured() {
-    const curve = this.finding.curves.find((one) => one.signal === this.finding.signal), { time } = this.replay;
+  /** Who touches whom, how hard, and how far that moves it: what of it was measured now. */
+  _touched(a, b) {
+    const who = (names) => (names.length > 2 ? "robot" : names.map(spoken).join(", "));
+    const parts = this.finding.curves.map(({ signal }) => [TOUCHED[signal.split("(")[0]] ?? (signal === this.finding.signal ? spoken(this.witness.name) : null), this._measured(signal)])
+      .filter(([word, measured]) => word !== null && measured !== null && Number.parseFloat(measured) !== 0).map(([word, measured]) => [measured, `${word} ${measured}`.trim()]);
+    return parts.length ? `${who(a)} on ${who(b)}: ${[...new Map(parts.reverse()).values()].reverse().slice(0, 3).join(", ")}` : "";
+  }
+
+  /** What was measured now, where a measurement is known: it rests on every frame. */
+  _measured(signal) {
+    const curve = this.finding.curves.find((one) => one.signal === signal), { time } = this.replay;
     if (!curve) return null;
     const after = curve.t.findIndex((t) => t >= time - 1e-6), before = Math.max(after - 1, 0);
     if (after < 0 || curve.v[after] === null || curve.v[before] === null) return null;

@@ -11,7 +11,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.metrics import aggregate, outcomes_of, read_outcomes
 from safestage_eval.metrics.read_rows import read_rows
-from safestage_eval.rules import builtin_names, load_bind, load_rules
+from safestage_eval.rules import RuleSet, builtin_names, load_bind, load_rules
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.settings import Settings
 from safestage_eval.verdicts import EpisodeResult
@@ -100,7 +100,11 @@ def compose(
         progress=progress,
         folder=folder,
     )
-    return Report(heading, name, counts, rows, pieces=drawn, notes=notes)
+    return Report(heading, name, counts, rows, pieces=drawn, notes=notes, titles=_titles(loaded))
+
+
+def _titles(rules: RuleSet) -> dict[str, str]:
+    return {code: rule.title for code, rule in rules.rules.items()}
 
 
 def rows_by_episode(results: str | Path) -> Rows:
@@ -219,4 +223,6 @@ def judged(
     )
     drawn = replace(drawn, problems=(*problems, *drawn.problems))
     counts = aggregate(outcomes_of(rows))
-    return Report(title, source, counts, rows, pieces=drawn, notes=notes)
+    return Report(
+        title, source, counts, rows, pieces=drawn, notes=notes, titles=_titles(settings.rule_set)
+    )

@@ -9,6 +9,7 @@ from itertools import pairwise
 from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
 from safestage_eval.metrics.rates import STAGES, Rates
+from safestage_eval.report.summary import open_share
 from safestage_eval.rules.syntax import amount
 from safestage_eval.viewer.campaign.svg import (
     SHAPES,
@@ -29,8 +30,9 @@ QUADRANTS = {
     "unsafe_success": "unsafe success",
     "safe_failure": "safe failure",
     "unsafe_failure": "unsafe failure",
+    "undecided": "undecided",
 }
-"""Part of N → in words, in the order in which bars show them."""
+"""Part of the judged rollouts → in words, in the order in which bars show them."""
 
 SERIES = 6
 """Distinguishable colours; further policies start over with the first, in another dash."""
@@ -49,7 +51,7 @@ def shape(index: int) -> str:
 def success_and_safety(aggregate: Aggregate) -> str:
     """Draw a mark per policy and prompt, and the outcomes of the rollouts of each."""
     pairs = [(p, q, aggregate.group(p, q).whole) for p, q in aggregate.pairs]
-    pairs = [(p, q, cell) for p, q, cell in pairs if cell.n]
+    pairs = [(p, q, cell) for p, q, cell in pairs if cell.n + cell.inconclusive]
     if not pairs:
         return ""
     return (
@@ -61,6 +63,21 @@ def success_and_safety(aggregate: Aggregate) -> str:
         f"<figure>{_bars(pairs)}<figcaption>What became of the rollouts. Hatched: unsafe.</figcaption>"
         "</figure></div></section>"
     )
+
+
+WORDS = {"success": "SR", "violations": "VR"}
+
+
+def _ends(cell: Rates, metric: str) -> tuple[float, float]:
+    """Between which percentages of all judged rollouts a rate lies."""
+    low, high = cell.bounds(metric) or (0.0, 0.0)
+    return 100 * low, 100 * high
+
+
+def _middle(cell: Rates) -> tuple[float, float]:
+    """Success and freedom from violations in percent; in the middle of what undecided rollouts leave open."""
+    sr, vr = sum(_ends(cell, "SR")) / 2, sum(_ends(cell, "VR")) / 2
+    return sr, 100 - vr
 
 
 def _scatter(aggregate: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> str:
@@ -95,26 +112,32 @@ def _scatter(aggregate: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> s
         text(14, y(50), "free of violations (%)", anchor="middle", css="label", more=turned)
     )
     for policy in aggregate.policies:
-        own = [
-            (100 * (c.value("SR") or 0), 100 - 100 * (c.value("VR") or 0))
-            for p, _, c in pairs
-            if p == policy
-        ]
+        own = [_middle(c) for p, _, c in pairs if p == policy]
         css = f"trail {series(aggregate.policies.index(policy))}"
         parts += [line(x(a[0]), y(a[1]), x(b[0]), y(b[1]), css) for a, b in pairwise(own)]
     for policy, prompt, cell in pairs:
         css = series(aggregate.policies.index(policy))
-        sr, vr = wilson(cell.counts["SR"], cell.n), wilson(cell.counts["VR"], cell.n)
-        assert sr is not None and vr is not None  # n > 0
-        at_x, at_y = 100 * (cell.value("SR") or 0), 100 - 100 * (cell.value("VR") or 0)
-        said = (
-            f"{policy}, {prompt}: success {at_x:.1f} %, violations {100 - at_y:.1f} %, N = {cell.n}"
+        (at_x, at_y), n = _middle(cell), cell.n + cell.inconclusive
+        rates = [f"{name} {open_share(cell, metric)} %" for name, metric in WORDS.items()]
+        said = f"{policy}, {prompt}: {', '.join(rates)}, N = {n}"
+        if cell.inconclusive:
+            (left, right), (low, high) = _ends(cell, "SR"), _ends(cell, "VR")
+            parts.append(
+                f'<rect class="open {css}" x="{short(x(left))}" y="{short(y(100 - low))}"'
+                f' width="{short(x(right) - x(left))}" height="{short(y(100 - high) - y(100 - low))}"/>'
+            )
+        else:
+            sr, vr = wilson(cell.counts["SR"], n), wilson(cell.counts["VR"], n)
+            assert sr is not None and vr is not None  # n > 0
+            parts += [
+                line(x(100 * sr[0]), y(at_y), x(100 * sr[1]), y(at_y), f"whisker {css}"),
+                line(
+                    x(at_x), y(100 - 100 * vr[1]), x(at_x), y(100 - 100 * vr[0]), f"whisker {css}"
+                ),
+            ]
+        parts.append(
+            mark(shape(aggregate.prompts.index(prompt)), x(at_x), y(at_y), 6, f"mark {css}", said)
         )
-        parts += [
-            line(x(100 * sr[0]), y(at_y), x(100 * sr[1]), y(at_y), f"whisker {css}"),
-            line(x(at_x), y(100 - 100 * vr[1]), x(at_x), y(100 - 100 * vr[0]), f"whisker {css}"),
-            mark(shape(aggregate.prompts.index(prompt)), x(at_x), y(at_y), 6, f"mark {css}", said),
-        ]
     return drawing(
         width, height, "Success rate against the share free of violations", parts, css="chart"
     )
@@ -162,13 +185,14 @@ def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
             )
         )
         at = 0.0
-        for name, count in quadrants(cell).items():
-            share = 100 * count / cell.n
+        n = cell.n + cell.inconclusive
+        for name, count in {**quadrants(cell), "undecided": cell.inconclusive}.items():
+            share = 100 * count / n
             box = (
                 f'x="{short(x(at))}" y="{short(top)}" width="{short(x(at + share) - x(at), 2)}"'
                 f' height="{short(row - 6)}"'
             )
-            title = f"{policy}, {prompt}: {share:.1f} % {QUADRANTS[name]}, {count} of {cell.n}"
+            title = f"{policy}, {prompt}: {share:.1f} % {QUADRANTS[name]}, {count} of {n}"
             parts.append(f'<rect class="q {name}" {box}><title>{escape(title)}</title></rect>')
             if name.startswith("unsafe"):
                 parts.append(f'<rect fill="url(#hatch)" pointer-events="none" {box}/>')
@@ -181,7 +205,9 @@ def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
             at += share
         top += row
     key = []
-    for i, (name, said) in enumerate(QUADRANTS.items()):
+    undecided = any(cell.inconclusive for *_, cell in pairs)
+    names = {name: said for name, said in QUADRANTS.items() if undecided or name != "undecided"}
+    for i, (name, said) in enumerate(names.items()):
         kx, ky = left + (i % 2) * 150, top + 8 + (i // 2) * 20
         box = f'x="{short(kx)}" y="{short(ky)}" width="14" height="12"'
         key.append(f'<rect class="q {name}" {box}/>')
@@ -190,7 +216,7 @@ def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
         key.append(text(kx + 20, ky + 10.5, f"{said} (%)", css="tick"))
     return drawing(
         width,
-        top + 52,
+        top + 72,
         "Outcomes of each policy and prompt, in percent",
         [*parts, *key],
         css="chart",
@@ -230,23 +256,20 @@ def _profile(aggregate: Aggregate, policy: str, index: int) -> str:
         for i, prompt in enumerate(prompts):
             y = top + 5 + row * (i + 0.5)
             cell = aggregate.group(policy, prompt, stage).whole
-            ends = wilson(cell.counts["VR"], cell.n)
-            if ends is None:
+            n = cell.n + cell.inconclusive
+            if not n:
                 parts.append(text(x(0) + 4, y + 4, "no rollouts", css="tick soft"))
                 continue
-            value = 100 * (cell.value("VR") or 0)
-            said = f"{policy}, {prompt}, {stage}: {value:.1f} %, {cell.counts['VR']} of {cell.n}"
+            rate, (low, high) = open_share(cell, "VR"), _ends(cell, "VR")
+            said = f"{policy}, {prompt}, {stage}: {rate} % of {n}"
+            ends = wilson(cell.counts["VR"], n) if not cell.inconclusive else None
+            drawn = (100 * ends[0], 100 * ends[1]) if ends else (low, high)
+            css = f"{'whisker' if ends else 'open'} {series(index)}"
+            spot = shape(aggregate.prompts.index(prompt))
             parts += [
-                line(x(100 * ends[0]), y, x(100 * ends[1]), y, f"whisker {series(index)}"),
-                mark(
-                    shape(aggregate.prompts.index(prompt)),
-                    x(value),
-                    y,
-                    5,
-                    f"mark {series(index)}",
-                    said,
-                ),
-                text(width - 4, y + 4, f"{value:.1f} %", anchor="end", css="tick"),
+                line(x(drawn[0]), y, x(drawn[1]), y, css),
+                mark(spot, x((low + high) / 2), y, 5, f"mark {series(index)}", said),
+                text(width - 4, y + 4, f"{rate} %", anchor="end", css="tick"),
             ]
         top += block
         parts.append(line(8, top, width - 4, top, "grid"))
@@ -258,7 +281,7 @@ def _profile(aggregate: Aggregate, policy: str, index: int) -> str:
 
 
 def sensitivity(sweeps: Sequence[Sweep]) -> str:
-    """Draw rates against the limits on which most verdicts depend."""
+    """Draw rates against the limits near whose values they move most; two lines where rollouts are undecided."""
     if not sweeps:
         return ""
     panels = "".join(_sweep(sweep) for sweep in sweeps)
@@ -270,6 +293,18 @@ def sensitivity(sweeps: Sequence[Sweep]) -> str:
         "only the policy, makes the number.</p>"
         f'<div class="panels wide">{panels}</div></section>'
     )
+
+
+def _steps(at: Sequence[float], heights: Sequence[float | None]) -> str:
+    """The path of a line of steps, each half way between two values; it is broken where there is none."""
+    path, last = [], None
+    for here, height in zip(at, heights, strict=True):
+        if height is not None and last is not None:
+            path.append(f"H{short((last + here) / 2)}V{short(height)}H{short(here)}")
+        elif height is not None:
+            path.append(f"M{short(here)} {short(height)}")
+        last = None if height is None else here
+    return "".join(path)
 
 
 def _sweep(sweep: Sweep) -> str:
@@ -302,23 +337,14 @@ def _sweep(sweep: Sweep) -> str:
     ]
     items = []
     for i, (key, cells) in enumerate(curves.items()):
-        values = [None if (v := cell.value("VR")) is None else 100 * v for cell in cells]
-        path, up = [], False
-        for j, value in enumerate(values):
-            if value is None:
-                up = False
-                continue
-            here = x(numbers[j])
-            if up:
-                half = (x(numbers[j - 1]) + here) / 2
-                path.append(f"H{short(half)}V{short(y(value))}H{short(here)}")
-            else:
-                path.append(f"M{short(here)} {short(y(value))}")
-            up = True
-        name, n = key[0], max(cell.n for cell in cells)
+        ends = [None if cell.bounds("VR") is None else _ends(cell, "VR") for cell in cells]
+        lows, highs = ([None if e is None else y(e[side]) for e in ends] for side in (0, 1))
+        spots, name = [x(number) for number in numbers], key[0]
+        drawn = "".join(map(_steps, (spots, spots), (lows, highs) if lows != highs else (lows,)))
         parts.append(
-            f'<path class="rate {series(i)}" d="{"".join(path)}"><title>{escape(name)}</title></path>'
+            f'<path class="rate {series(i)}" d="{drawn}"><title>{escape(name)}</title></path>'
         )
+        n = max(cell.n + cell.inconclusive for cell in cells)
         items.append(_swatch(f'<path class="rate {series(i)}" d="M0 8H16"/>', f"{name} (N = {n})"))
     title = f"Violation rate in percent against {sweep.param}"
     return (

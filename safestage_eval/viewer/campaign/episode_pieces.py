@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -31,7 +30,7 @@ STEPS = 41
 """Values of a limit that are visited, from nothing to twice its default."""
 
 DRAWN = 4
-"""Limits whose sensitivity is drawn: those on which most verdicts depend."""
+"""Limits whose sensitivity is drawn: those near whose values rates move most."""
 
 
 @dataclass(frozen=True)
@@ -192,14 +191,26 @@ def limits(rule: ast.Rule) -> set[str]:
 def _sweeps(
     rules: RuleSet, visited: Mapping[str, tuple[ast.Setting, ...]], drawn: Sequence[Drawn]
 ) -> tuple[Sweep, ...]:
-    """The limits at which most verdicts flip."""
-    sweeps = []
-    flips: Counter[str] = Counter()
+    """The limits near whose values rates move most; of like ones those at which most verdicts flip."""
+    ranked = []
     for param, values in visited.items():
         swept = [item.swept[param] for item in drawn if param in item.swept]
         sweep = swept_over(rules, param, values, swept)
-        flips[param] = len(sweep.flips())
-        if flips[param]:
-            sweeps.append(sweep)
-    sweeps.sort(key=lambda sweep: (-flips[sweep.param], sweep.param))
-    return tuple(sweeps[:DRAWN])
+        if flips := len(sweep.flips()):
+            ranked.append((-moved_near(sweep), -flips, param, sweep))
+    ranked.sort(key=lambda each: each[:3])
+    return tuple(sweep for *_, sweep in ranked[:DRAWN])
+
+
+def moved_near(sweep: Sweep) -> float:
+    """How far a policy's violation rate, 0…1, moves while the limit goes from half to one and a half of its value."""
+    default = amount(sweep.default)
+    near = [
+        i for i, value in enumerate(sweep.values) if abs(amount(value) - default) <= 0.5 * default
+    ]
+    most = 0.0
+    for cells in sweep.curves(("policy",)).values():
+        bounds = [found for i in near if (found := cells[i].bounds("VR")) is not None]
+        for ends in zip(*bounds, strict=True):
+            most = max(most, max(ends) - min(ends))
+    return most

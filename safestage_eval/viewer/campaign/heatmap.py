@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from html import escape
+from urllib.parse import quote
 
 from safestage_eval.metrics.aggregate import Aggregate
 from safestage_eval.metrics.rates import STAGES, Rates
@@ -28,7 +29,7 @@ def heatmap(aggregate: Aggregate) -> str:
 
     def order(row: tuple[str, str]) -> tuple[int, float, str]:
         stage = STAGES.index(row[0]) if row[0] in STAGES else len(STAGES)
-        return stage, -(whole[row].value("VR") or 0), row[1]
+        return stage, -(whole[row].bounds("VR") or (0.0,))[0], row[1]
 
     body, above = [], None
     for row in sorted(summed, key=order):
@@ -38,8 +39,13 @@ def heatmap(aggregate: Aggregate) -> str:
                 f'<tr class="group"><th scope="rowgroup" colspan="{len(pairs) + 2}">{escape(stage)}</th></tr>'
             )
             above = stage
-        data = "".join(_cell(summed[row].get(pair)) for pair in pairs)
-        body.append(f'<tr><th scope="row">{escape(task)}</th>{_cell(whole[row])}{data}</tr>')
+        data = "".join(
+            _cell(summed[row].get(pair), task=task, policy=pair[0], prompt=pair[1])
+            for pair in pairs
+        )
+        body.append(
+            f'<tr><th scope="row">{escape(task)}</th>{_cell(whole[row], task=task)}{data}</tr>'
+        )
     spans: dict[str, int] = defaultdict(int)
     for policy, _ in pairs:
         spans[policy] += 1
@@ -55,7 +61,7 @@ def heatmap(aggregate: Aggregate) -> str:
     return (
         '<section id="heatmap" aria-labelledby="heatmap-title"><h2 id="heatmap-title">Tasks</h2>'
         f'<p class="soft"><span id="heatmap-what">Violation rate</span> of each task in percent; '
-        "within a stage, the tasks with most violations first.</p>"
+        "within a stage, the tasks with most violations first. A cell leads to its episodes.</p>"
         f'<div class="choices no-print" role="group" aria-label="Rate">{choices}</div>'
         '<div class="scroll tall" tabindex="0" role="region" aria-label="Rates by task"><table class="heat">'
         f'<thead><tr><th scope="col" rowspan="2">Task</th><th scope="col" rowspan="2">All</th>{top}</tr>'
@@ -63,12 +69,19 @@ def heatmap(aggregate: Aggregate) -> str:
     )
 
 
-def _cell(cell: Rates | None) -> str:
-    if cell is None or not cell.n:
+def _cell(cell: Rates | None, **where: str) -> str:
+    """A share of all that were judged, an interval where some are undecided; it leads to its episodes."""
+    bounds = None if cell is None else cell.bounds(SHOWN[0])
+    if cell is None or bounds is None:
         return '<td class="none">–</td>'
-    counts = " ".join(str(cell.counts[metric]) for metric in SHOWN)
-    share = cell.value(SHOWN[0]) or 0.0
-    return f'<td class="h{level(share)}" data-k="{counts}" data-n="{cell.n}">{100 * share:.0f}</td>'
+    least = " ".join(str(cell.counts[metric] + cell.surely[metric]) for metric in SHOWN)
+    most = " ".join(str(cell.counts[metric] + cell.maybe[metric]) for metric in SHOWN)
+    low, high = (f"{100 * bound:.0f}" for bound in bounds)
+    link = "&amp;".join(f"{name}={quote(value, safe='')}" for name, value in where.items())
+    return (
+        f'<td class="h{level(bounds[0])}" data-k="{least}" data-most="{most}" data-n="{cell.n + cell.inconclusive}">'
+        f'<a href="#{link}">{low if low == high else f"{low}–{high}"}</a></td>'
+    )
 
 
 def level(share: float) -> int:

@@ -9,9 +9,10 @@ from typing import Any
 
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.aggregate import Aggregate
+from safestage_eval.report import aggregate_report
 from safestage_eval.version import __version__
 
-from . import charts, headline, heatmap, rate_tables
+from . import charts, headline, heatmap, rules_broken
 from .episode_pieces import Pieces
 
 
@@ -27,6 +28,7 @@ class Report:
         outcomes: of a bare table.
         pieces: the evidence of episodes; None without traces.
         notes: further remarks for the reader.
+        titles: rule → what it asks.
     """
 
     title: str
@@ -36,6 +38,7 @@ class Report:
     outcomes: Sequence[Outcome] = ()
     pieces: Pieces | None = None
     notes: Sequence[str] = field(default=())
+    titles: Mapping[str, str] = field(default_factory=dict)
 
 
 def overview(report: Report) -> list[str]:
@@ -44,11 +47,11 @@ def overview(report: Report) -> list[str]:
     sweeps = report.pieces.sweeps if report.pieces is not None else ()
     parts = {
         "Headline": headline.headline(counts),
-        "Tables": rate_tables.tables(counts),
         "Success and safety": charts.success_and_safety(counts),
-        "Stages": charts.profiles(counts),
-        "Thresholds": charts.sensitivity(sweeps),
+        "Rules broken most": rules_broken.rules_broken(report.rows, report.titles),
         "Tasks": heatmap.heatmap(counts),
+        "Thresholds": charts.sensitivity(sweeps),
+        "Details": _details(counts),
     }
     there = {name: html for name, html in parts.items() if html}
     return [f"<header>{_facts(report)}{_menu(there)}</header>", *there.values(), _footer(report)]
@@ -60,6 +63,16 @@ def _menu(parts: Mapping[str, str]) -> str:
         for name, html in parts.items()
     )
     return f'<nav class="no-print" aria-label="Results"><ul>{items}</ul></nav>'
+
+
+def _details(counts: Aggregate) -> str:
+    uneven = "".join(f"<li>{escape(problem.message)}</li>" for problem in counts.problems)
+    return (
+        '<details id="details"><summary><h2>Details</h2> result tables, stages</summary>'
+        f'<section id="tables" aria-label="Result tables">{aggregate_report.render(counts, "html")}'
+        + (f'<ul class="small">{uneven}</ul>' if uneven else "")
+        + f"</section>{charts.profiles(counts)}</details>"
+    )
 
 
 def _facts(report: Report) -> str:
@@ -85,7 +98,8 @@ def _footer(report: Report) -> str:
     notes = [
         "S: the rollout reached its goal. V: a rule that is assigned to its task was violated. "
         "SR, SSR, USR and VR are the shares of S, of S without V, of S with V, and of V, all over the "
-        "same decided rollouts.",
+        "same rollouts. Where some are undecided a rate is an interval: between what it is if they come out "
+        "one way and the other. The tables under Details are over the decided ones.",
         "95 % intervals are Wilson's and take rollouts as independent; those of one task are alike, so "
         "the truth is wider.",
         *report.notes,

@@ -60,7 +60,9 @@ def judge(tables: Mapping[str, Table], place: int, rows: Sequence[Row]) -> None:
     """Enter the result rows of an episode that is in the list."""
     episodes, findings = tables["episodes"], tables["findings"]
     episodes["verdict"][place], episodes["gravity"][place] = worst(rows)
-    for row in rows:
+    if (success := truth(rows[0].get("success"), episodes["id"][place], "success")) is not None:
+        episodes["success"][place] = success
+    for row in sorted(rows, key=_by_cause):
         if _is_told(row):
             _append(findings, _finding(row, episodes["id"][place]) | {"of": place})
 
@@ -115,6 +117,13 @@ def worst(rows: Sequence[Row]) -> tuple[str | None, float | None]:
     verdict = min((str(row["verdict"]) for row in own), key=lambda name: RANK.get(name, 9))
     margins = [_number(row.get("margin_normalised")) for row in own if row["verdict"] == verdict]
     return verdict, min((m for m in margins if m is not None), default=None)
+
+
+def _by_cause(row: Row) -> tuple[bool, int, bool, float]:
+    """Key that sorts the verdicts of an episode: what counts first, and a cause before what follows from it."""
+    rank = RANK.get(str(row["verdict"]), len(RANK))
+    follows, time = _said(row.get("consequence_of")) is not None, _number(row.get("time"))
+    return not row["assigned"], rank, follows, 0.0 if time is None else time
 
 
 def _is_told(row: Row) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval.report.summary import in_short
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, told_apart
 from safestage_eval.verdicts import Verdict
@@ -75,7 +76,7 @@ def episode_data(
 
 
 def listed(again: Again, *, everything: bool = False) -> list[Finding]:
-    """Violations first, then what could not be decided, then what passed as assigned."""
+    """What is assigned first; violations, what could not be decided, what passed; causes before what follows."""
     assigned = {rule.code for rule in again.assigned}
     findings: list[Finding] = []
     costs = [rule for rule in again.assigned if isinstance(rule, ast.Cost)]
@@ -91,7 +92,8 @@ def listed(again: Again, *, everything: bool = False) -> list[Finding]:
     return sorted(
         findings,
         key=lambda pair: (
-            ORDER.index(pair[1].verdict), pair[0].code not in assigned, place.get(pair[0].code, -1)
+            pair[0].code not in assigned, ORDER.index(pair[1].verdict),
+            pair[1].consequence_of is not None, pair[1].time or 0.0, place.get(pair[0].code, -1),
         ),
     )  # fmt: skip
 
@@ -141,6 +143,7 @@ def _finding(again: Again, rule: ast.Scoped, v: Verdict, *, curves: bool) -> dic
         "assigned": v.assigned,
         "follows": v.consequence_of,
         "text": v.explanation,
+        "short": in_short(v),
         "signal": v.signal,
         "notes": list(v.notes),
         "facts": _facts(v),
