@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from safestage_eval.episode import Window
-from safestage_eval.evidence.intervals import Bool, Interval
+from safestage_eval.evidence.intervals import Bool, Interval, crisp
 from safestage_eval.evidence.reference import Reference
 from safestage_eval.rules import syntax as ast
 
-from .events import Scope, Truth
+from .events import Scope
 from .language import Language, lasting
 
 # ---- events
@@ -43,10 +43,11 @@ def held_before_too(margin: Interval, coarse: Bool) -> Interval:
     return Interval(lower, margin.upper)
 
 
-def perhaps_before(event: Truth, coarse: Bool) -> Truth:
-    """The frames of an event; perhaps also those before them: what these show may have been so when it came."""
-    before = np.append(event.possible[1:], False) & coarse & ~event.possible
-    return Truth(event.sure, event.possible | before) if before.any() else event
+def perhaps_before(event: Interval, coarse: Bool) -> Interval:
+    """An event; perhaps also at the frames before: what these show may have been so when it came."""
+    possible = event.possible
+    before = np.append(possible[1:], False) & coarse & ~possible
+    return crisp(event.true, possible | before) if before.any() else event
 
 
 def begun_between(what: ast.Alternative, scope: Scope, coarse: Bool) -> Scope:

@@ -111,7 +111,7 @@ def _operand(evaluator: Language, operand: ast.Operand, env: Env, frames: Bool |
         sure = margin.true.astype(np.float64)
         if not margin.unknown.any():
             return Interval(sure, sure, "ratio")
-        return Interval(sure, (~margin.false).astype(np.float64), "ratio")
+        return Interval(sure, margin.possible.astype(np.float64), "ratio")
     if isinstance(operand, ast.SignalAtom):
         return evaluator.measured_series(_asked(evaluator, operand, env), operand, env, frames)
     return exact(np.full(evaluator.frames, evaluator.number(operand, env)), "")

@@ -20,7 +20,7 @@ from safestage_eval.rules.load import load_rules
 from safestage_eval.signals import SIGNALS
 
 from .evaluate import Evaluator
-from .players import named_outside_counts, nodes
+from .players import nodes, taken_one_by_one
 from .windows import held_until
 
 CONFIRM = ast.Duration(3, frames=True)
@@ -121,8 +121,7 @@ def _margins(
     """The goal's margin at the wanted frames; None where a role has no body."""
     evaluator.players = players
     names = [name for name, _ in goal.roles]
-    counted = {n.role for n in nodes(goal.require) if isinstance(n, ast.CountAtom)}
-    free = [name for name in names if name not in counted or named_outside_counts(goal, name)]
+    free = taken_one_by_one(goal, goal.require)
     if any(not players.get(name) for name in names):
         return None
     return intervals.both(

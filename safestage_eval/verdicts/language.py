@@ -23,6 +23,7 @@ from safestage_eval.rules.operations import OPERATIONS
 from safestage_eval.signals import SIGNALS
 
 from .events import Moment
+from .players import Kept, kept
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -31,8 +32,6 @@ Found = TypeVar("Found")
 Node = ast.Alternative | ast.Atom | ast.Call
 
 COSTLY = {name for name, operation in OPERATIONS.items() if operation.costly}
-MANY = 4096
-"""Parts of rules that are remembered at once; goals in headers are new with every episode."""
 
 
 class Evaluated(NamedTuple):
@@ -61,7 +60,6 @@ class Meant(NamedTuple):
     """A call of a built-in signal or of a variant of one.
 
     Attributes:
-        call: as written; kept, so that no other comes to have its identity.
         name: of the built-in signal, or of one that is computed from others.
         roles: those of its arguments that are roles or bodies.
         options: what the variant or the first argument says, sorted by name.
@@ -69,7 +67,6 @@ class Meant(NamedTuple):
         scale: SI size that counts as one in a normalised margin when the limit is 0.
     """
 
-    call: ast.Call
     name: str
     roles: tuple[str, ...]
     options: Options
@@ -150,14 +147,10 @@ class Language(ABC):
         """Role → all bodies that play it, for ``at least K role``."""
         self.notes: dict[str, None] = {}
         """On what is being found out, in the order in which they came up."""
-        self._meanings: dict[int, Meant] = rules.known.setdefault("meant", {})
-        """By the identity of a call, for all episodes of a run."""
-        if len(self._meanings) > MANY:
-            self._meanings.clear()
         self._memo: dict[tuple[Any, ...], Any] = {} if memo is None else memo
         self._read: dict[Any, int] = {}
-        self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
-        """Limits that depend on no body, by identity of their atom, which is kept beside them."""
+        self._limits: Kept[tuple[float, ...]] = {}
+        """Limits that depend on no body, of atoms."""
 
     @property
     def clock(self) -> Clock:
@@ -208,10 +201,8 @@ class Language(ABC):
         return meant.name, bodies, meant.options if plain else self._options(meant, env)
 
     def _meaning(self, call: ast.Call) -> Meant:
-        meant = self._meanings.get(id(call))
-        if meant is None or meant.call is not call:
-            meant = self._meanings[id(call)] = _resolved(self.rules, call)
-        return meant
+        known = self.rules.known.setdefault("meant", {})
+        return kept(known, call, lambda: _resolved(self.rules, call))
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
@@ -226,14 +217,14 @@ class Language(ABC):
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
         """The measurement behind an atom, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
-        cached = self._limits.get(id(atom))
-        if cached is not None:
-            return Asked(name, bodies, options, cached[1], cached[2])
-        limits = tuple([self.number(limit.value, env) for limit in atom.limits])
-        reach = reach_of(limits)
-        if not any(isinstance(limit.value, ast.Column) for limit in atom.limits):
-            self._limits[id(atom)] = atom, limits, reach
-        return Asked(name, bodies, options, limits, reach)
+
+        def find() -> tuple[float, ...]:
+            return tuple([self.number(limit.value, env) for limit in atom.limits])
+
+        of_bodies = any(isinstance(limit.value, ast.Column) for limit in atom.limits)
+        limits = find() if of_bodies else kept(self._limits, atom, find)
+        # a limit is never where a signal saturates
+        return Asked(name, bodies, options, limits, max(map(abs, limits)) * (1 + 1e-6) + 1e-6)
 
     def signal(self, name: str) -> Signal:
         """Declaration of the signal of this name, built-in or computed."""
@@ -282,14 +273,11 @@ class Language(ABC):
 
     def is_costly(self, part: object) -> bool:
         """It asks for what is measured at the frames that matter alone, itself or through states."""
-        known: dict[int, tuple[object, bool]] = self.rules.known.setdefault("costly", {})
-        found = known.get(id(part))
-        if found is None or found[0] is not part:
-            if len(known) > MANY:  # goals in headers are new with every episode
-                known.clear()
-            costly = any(is_costly(name) or name in COSTLY for name in self._asks(part))
-            found = known[id(part)] = part, costly
-        return found[1]
+
+        def costly() -> bool:
+            return any(is_costly(name) or name in COSTLY for name in self._asks(part))
+
+        return kept(self.rules.known.setdefault("costly", {}), part, costly)
 
     def _asks(self, part: object) -> Iterator[str]:
         """Names of the built-in signals and relations, and of the operations, that a part asks for."""
@@ -330,7 +318,7 @@ def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
             for one in derived.operands
             if isinstance(one, ast.SignalAtom)
         ]
-        return Meant(call, call.name, call.args, (), (), max(scales, default=1.0))
+        return Meant(call.name, call.args, (), (), max(scales, default=1.0))
     variant = rules.signals.get(call.name)
     spec = SIGNALS[variant.base if variant is not None else call.name]
     given = dict(variant.options) if variant is not None else {}
@@ -342,7 +330,7 @@ def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
     options: dict[str, OptionValue] = {**usual, **fixed, **dict(named)}
     in_order = tuple(sorted(options.items(), key=lambda item: item[0]))
     columns = tuple(column for column, _ in spec.columns)
-    return Meant(call, spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))
+    return Meant(spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))
 
 
 UNDECLARED = "no rule file declares the material "
@@ -387,11 +375,6 @@ def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
     if duration.frames:
         return Lasting(None, max(least, round(duration.amount)))
     return Lasting(duration.amount, max(least, duration.least), brief=duration.least > 1)
-
-
-def reach_of(limits: Sequence[float]) -> float:
-    """Up to where a signal is wanted exactly: a limit is never where it saturates."""
-    return max(map(abs, limits)) * (1 + 1e-6) + 1e-6
 
 
 def limit_margin(series: Interval, op: str, limit: float, scale: float) -> Interval:

@@ -144,7 +144,7 @@ def _waited(
     assert call is not None
     this = None if first is None else first.frame
     if first is None:
-        came = evaluator.truth(guard.event, env).sure.nonzero()[0]
+        came = evaluator.truth(guard.event, env).true.nonzero()[0]
         this = int(came[0]) if len(came) else None
     held = evaluator.holds(guard.state, env)
     that = next((begin for begin, end in runs(held).tolist() if end > (this or 0)), None)

@@ -20,7 +20,7 @@ from safestage_eval.rules import syntax as ast
 
 from . import computed_signals
 from .between_samples import one_earlier
-from .events import Truth, frames_of
+from .events import frames_of
 from .language import Asked, Env, Language
 
 STEP = 0.05
@@ -59,7 +59,7 @@ def measured(
     if when is None:
         return series
     newest = np.maximum.accumulate(np.where(when.possible, np.arange(evaluator.frames), -1))
-    return hide(series, (newest >= 0) & ~when.sure[newest])
+    return hide(series, (newest >= 0) & ~when.true[newest])
 
 
 def either(one: Interval, other: Interval) -> Interval:
@@ -69,10 +69,12 @@ def either(one: Interval, other: Interval) -> Interval:
     return Interval(lower, upper, one.dimension, notes)
 
 
-def reference_of(evaluator: Language, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
+def reference_of(
+    evaluator: Language, event: ast.Event, env: Env
+) -> tuple[Reference, Interval | None]:
     """The reference of a change since an event; and the event's frames, if any is uncertain."""
 
-    def find() -> tuple[Reference, Truth | None]:
+    def find() -> tuple[Reference, Interval | None]:
         when = frames_of(evaluator.moments(event, env), evaluator.frames)
         baseline = evaluator.relations.signals.baseline
         instants = when.possible.nonzero()[0]
@@ -82,7 +84,7 @@ def reference_of(evaluator: Language, event: ast.Event, env: Env) -> tuple[Refer
         else:
             since, key = latest(instants, evaluator.frames), f"since {instants.tobytes().hex()}"
             reference = Reference(baseline, since, key)
-        return reference, None if when.known else when
+        return reference, None if when.decided else when
 
     return evaluator.once(event, ("since", *env.items()), find)
 

@@ -179,16 +179,12 @@ def persistent(
     return Interval(lower, lower if band.exact and np.array_equal(lower, upper) else upper)
 
 
-def latched(band: Interval, reset: Bool, perhaps: Bool | None = None) -> Interval:
-    """Once true, true until ``reset`` (T,); the reset wins on its own frame.
-
-    ``perhaps``: (T,) all frames at which it may be reset, where not only the certain ones count.
-    """
-    widest = reset if perhaps is None else perhaps
-    lower = _latch(band.lower, widest)
-    if band.exact and (widest is reset or np.array_equal(widest, reset)):
+def latched(band: Interval, reset: Interval) -> Interval:
+    """Once true, true until ``reset``; the reset wins on its own frame."""
+    lower = _latch(band.lower, reset.possible)
+    if band.exact and reset.decided:
         return Interval(lower, lower)
-    return Interval(lower, _latch(band.upper, reset))
+    return Interval(lower, _latch(band.upper, reset.true))
 
 
 def _latch(margin: F64, reset: Bool) -> F64:
