@@ -30,10 +30,10 @@ from .language import (
     ends_early,
     ends_with_success,
     lacks_its_success,
-    lasting,
     limit_margin,
 )
 from .players import kept
+from .windows import last_of, lasting, widened
 
 __all__ = ["Evaluated", "Evaluator", "Node"]
 
@@ -230,7 +230,7 @@ class Evaluator(Language):
         if edge is None:
             state = self.must_not(call, env, "forbid", kind, frames)
             return Evaluated(node, env, state.margin, (state,))
-        near = None if frames is None else windows.widened(frames, 1)
+        near = None if frames is None else widened(frames, 1)
         forbidding = kind is not None and not CLAUSES[kind].wanted
         if edge == "start" and forbidding:
             state = self.must_not(call, env, "forbid", kind, near)
@@ -364,12 +364,12 @@ class Evaluator(Language):
         if not frames.any():
             return frames
         if state.until is not None:  # it may have held since any frame before
-            frames = np.arange(self.frames) < windows.last_of(frames)
+            frames = np.arange(self.frames) < last_of(frames)
         lasts, gap = self.window(state.for_), self.open_gap(state.gap)
         reach = lasts.frames + gap.frames - 2
         if reach <= 0:
             return frames
-        return windows.widened(frames, reach) if self.clock.uniform else None
+        return widened(frames, reach) if self.clock.uniform else None
 
     def _relation(self, name: str, bodies: tuple[str, ...], frames: Bool | None) -> Evaluated:
         truth = self.relations.told(name, bodies, frames)
@@ -487,7 +487,7 @@ class Evaluator(Language):
         ``end`` comes after the last frame and so has none. ``frames`` as in ``evaluate``.
         """
         if event.kind == "state" and event.call is not None:
-            near = frames if frames is None or event.edge is None else windows.widened(frames, 1)
+            near = frames if frames is None or event.edge is None else widened(frames, 1)
             now = self.state(event.call, env, near).margin
             return now if event.edge is None else events.edges(now, event.edge)
         at = np.zeros(self.frames, np.bool_)

@@ -26,11 +26,11 @@ from .cost import judge_cost
 from .engagement import Engagement, engagement, held_again
 from .evaluate import Evaluator
 from .explain import inconclusive
+from .goal import native_success
 from .language import UNDECLARED
 from .players import combinations
 from .rule_verdict import how_often, judge_rule
 from .scopes import first_frames
-from .success import native_success
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from safestage_eval.episode import Clock, Episode, Lasting, Window
+from safestage_eval.episode import Clock, Episode, Window
 from safestage_eval.errors import did_you_mean
 from safestage_eval.evidence.declare import Options, OptionValue, Signal, is_costly
 from safestage_eval.evidence.intervals import F64, Bool, Interval, strict
@@ -24,6 +24,7 @@ from safestage_eval.signals import SIGNALS
 
 from .events import Moment
 from .players import Kept, kept
+from .windows import NONE, ONE, lasting
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -363,18 +364,6 @@ def ends_with_success(episode: Episode) -> bool:
     """Nothing was recorded after success: what was under way then is not followed to its end."""
     reached = episode.header.success_time
     return reached is not None and reached >= episode.t[-1] - 1e-6
-
-
-ONE, NONE = Lasting(None, 1), Lasting(None, 0)
-
-
-def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
-    """A duration for a clock; at least so many samples."""
-    if not duration.amount:
-        return Lasting(None, least)
-    if duration.frames:
-        return Lasting(None, max(least, round(duration.amount)))
-    return Lasting(duration.amount, max(least, duration.least), brief=duration.least > 1)
 
 
 def limit_margin(series: Interval, op: str, limit: float, scale: float) -> Interval:

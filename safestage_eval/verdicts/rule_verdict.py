@@ -30,11 +30,18 @@ from .explain import (
 )
 from .language import Env
 from .obligations import Instance, judge_instances, violated_frames
-from .ordering import first_witness, in_turn, is_ordering
 from .players import combinations
 from .reasons import UNNAMED, Cause, between_samples, cause_of
 from .verdict import Vacuity, Verdict, VerdictName
-from .witness import Witness, as_sampled, undersampled, witness_of
+from .witness import (
+    Witness,
+    as_sampled,
+    first_witness,
+    in_turn,
+    is_ordering,
+    undersampled,
+    witness_of,
+)
 
 
 def judge_rule(

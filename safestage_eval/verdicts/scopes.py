@@ -17,8 +17,9 @@ from safestage_eval.rules.clauses import CLAUSES
 from . import between_samples, events
 from .evaluate import Evaluator
 from .events import Scope
-from .language import Env, lasting
+from .language import Env
 from .players import where_it_counts
+from .windows import lasting
 
 Stretch = tuple[Scope, int | None]
 """Frames that are judged, and the frame at which ``until`` ended them."""

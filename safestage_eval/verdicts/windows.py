@@ -20,9 +20,24 @@ from numpy.typing import NDArray
 from safestage_eval.episode.clock import ROUNDING, Clock, Lasting, Window
 from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.intervals import F64, Bool, Interval, each, negated
+from safestage_eval.rules import syntax as ast
 
 I64 = NDArray[np.int64]
 Parts = tuple[F64, ...]
+
+# ---- how long, in samples
+
+ONE, NONE = Lasting(None, 1), Lasting(None, 0)
+
+
+def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
+    """A duration for a clock; at least so many samples."""
+    if not duration.amount:
+        return Lasting(None, least)
+    if duration.frames:
+        return Lasting(None, max(least, round(duration.amount)))
+    return Lasting(duration.amount, max(least, duration.least), brief=duration.least > 1)
+
 
 # ---- extremes over windows
 
