@@ -185,8 +185,11 @@ _OF_TWO: dict[str, Callable[[Ends, Ends], Ends]] = {
     "sum": _sum, "product": _times, "min": _least, "max": _greatest,
 }  # fmt: skip
 
-
-F64 = NDArray[np.float64]
+# ---- how smooth a motion is, by the length of its spectrum: SPARC
+#
+# Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet, On the analysis of movement smoothness, Journal of
+# NeuroEngineering and Rehabilitation 12:112 (2015), with the values that they give: the spectrum up to 10 Hz, or
+# up to where it last reaches 5 % of its greatest magnitude, padded four times.
 
 CUTOFF = 10.0
 """Hz, up to where the spectrum counts at most."""

@@ -1,4 +1,4 @@
-"""All signals of one episode, each measured once, when it is first asked for."""
+"""All signals of one episode, each measured once, when it is first asked for; unknown where it was not measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from safestage_eval.geometry.group_clearance import SLACK, Clearance, motion_bou
 
 from .declare import SIGNALS, Options
 from .facts import Facts, Request
-from .intervals import Interval, hidden
+from .intervals import Bool, Interval, hidden
 from .missing_values import POSE, around, either
 from .motion import before, derived
 from .reference import Reference
@@ -155,9 +155,6 @@ class Signals(Facts):
         )  # fmt: skip
 
 
-Bool = NDArray[np.bool_]
-
-
 @dataclass(frozen=True, eq=False)
 class Partial:
     """Bounds (T,), which frames are done (T,), and what was noted.
@@ -198,8 +195,6 @@ class Partial:
         notes = tuple(note for note, about in self.notes.items() if (about & wanted).any())
         return Interval(self.lower, self.upper, dimension, notes)
 
-
-Bool = NDArray[np.bool_]
 
 PLACES = ("com", "origin", "orientation")
 """Values of ``Signal.reads`` that need no velocities."""

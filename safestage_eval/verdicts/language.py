@@ -158,9 +158,13 @@ class Language(ABC):
         """The episode's clock."""
         return self.episode.clock
 
+    def setting(self, name: str) -> ast.Setting:
+        """The value of a parameter."""
+        return self.params[name]
+
     def duration(self, duration: ast.Duration | ast.Parameter) -> ast.Duration:
         """A duration as it is given under these values."""
-        value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
+        value = self.setting(duration.name) if isinstance(duration, ast.Parameter) else duration
         return ast.Duration(value.value) if isinstance(value, ast.Quantity) else value
 
     def window(self, duration: ast.Duration | ast.Parameter | None) -> Window:
@@ -176,7 +180,7 @@ class Language(ABC):
         if isinstance(value, ast.Quantity):
             return value.value
         if isinstance(value, ast.Parameter):
-            number = ast.amount(self.params[value.name])
+            number = ast.amount(self.setting(value.name))
         else:
             player = env.get(value.role, value.role)
             material = self.material(player)
@@ -186,6 +190,10 @@ class Language(ABC):
             default = self.rules.materials["default"]
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
+
+    def limit(self, value: ast.Value, env: Env) -> float:
+        """``number``, of what a signal is compared with."""
+        return self.number(value, env)
 
     def material(self, player: str) -> str:
         """The row that holds for a body, or for the body that a joint moves."""
@@ -210,7 +218,7 @@ class Language(ABC):
         for column in meant.columns:
             options[column] = self.number(ast.Column(column, meant.roles[0]), env)
         for option, name in meant.params:
-            value = self.params[name]
+            value = self.setting(name)
             frames = isinstance(value, ast.Duration) and value.frames
             options[option] = ast.amount(value) * (self.episode.dt if frames else 1.0)
         return tuple(sorted(options.items(), key=lambda item: item[0]))
@@ -220,7 +228,7 @@ class Language(ABC):
         name, bodies, options = self.measured(atom.call, env)
 
         def find() -> tuple[float, ...]:
-            return tuple([self.number(limit.value, env) for limit in atom.limits])
+            return tuple([self.limit(limit.value, env) for limit in atom.limits])
 
         of_bodies = any(isinstance(limit.value, ast.Column) for limit in atom.limits)
         limits = find() if of_bodies else kept(self._limits, atom, find)
