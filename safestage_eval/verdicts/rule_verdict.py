@@ -14,7 +14,7 @@ from safestage_eval.evidence.intervals import Bool
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules import syntax_words
 
-from .brief import raw_frames, too_brief
+from .brief import raw_frames, too_brief, ways
 from .evaluate import Evaluator
 from .explain import (
     Finding,
@@ -84,7 +84,8 @@ def judge_rule(
     witness = first_witness(evaluator, rule, worst, violated=bool(violated)) or witness_of(
         evaluator, worst, violated=bool(violated)
     )
-    facts |= _times(evaluator, rule, violated, instances, witness)
+    briefly = ways(evaluator, instances)
+    facts |= _times(evaluator, rule, violated, raw_frames(evaluator, briefly), witness)
     bound = worst.upper if violated else worst.lower
     ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
     if isinf(bound) and witness.value is not None and not ordered:
@@ -102,7 +103,7 @@ def judge_rule(
             "and the limit lies within that"
         ]
     )
-    brief = too_brief(evaluator, instances)
+    brief = too_brief(evaluator, briefly)
     notes += brief
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
@@ -172,16 +173,6 @@ def how_often(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequen
 
 def _how_often(evaluator: Evaluator, rule: ast.Rule, violated: Sequence[Instance]) -> int:
     return sum(max(1, len(runs(violated_frames(evaluator, rule, one)))) for one in violated)
-
-
-def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:
-    """Whether the verdict would be a violation; arguments as ``judge_rule``."""
-    evaluator.players, evaluator.notes = players, {}
-    return any(
-        instance.violated
-        for env in combinations(rule, players)
-        for instance in judge_instances(evaluator, rule, env) or ()
-    )
 
 
 def _without_measurement(
@@ -265,12 +256,11 @@ def _times(
     evaluator: Evaluator,
     rule: ast.Rule,
     violated: Sequence[Instance],
-    instances: Sequence[Instance],
+    raw: Bool | None,
     witness: Witness,
 ) -> dict[str, Any]:
-    """When: the fields of a verdict that say so."""
-    t, clock = evaluator.episode.t, evaluator.clock
-    bad, raw = _broken(evaluator, rule, violated), raw_frames(evaluator, instances)
+    """When: the fields of a verdict that say so; ``raw``: (T,) where it is broken however briefly."""
+    t, clock, bad = evaluator.episode.t, evaluator.clock, _broken(evaluator, rule, violated)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
