@@ -32,7 +32,6 @@ from .language import (
     lacks_its_success,
     limit_margin,
 )
-from .players import kept
 from .windows import last_of, lasting, widened
 
 __all__ = ["Evaluated", "Evaluator", "Node"]
@@ -218,7 +217,7 @@ class Evaluator(Language):
         def ordered() -> list[tuple[Part, bool]]:
             return sorted(((part, self.is_costly(part)) for part in parts), key=lambda one: one[1])
 
-        return kept(self.rules.known.setdefault("by cost", {}), node, ordered)
+        return self.of_run("by cost", node, ordered)
 
     def _event(
         self, node: ast.Event, env: Env, kind: ClauseKind | None, frames: Bool | None

@@ -210,8 +210,7 @@ class Language(ABC):
         return meant.name, bodies, meant.options if plain else self._options(meant, env)
 
     def _meaning(self, call: ast.Call) -> Meant:
-        known = self.rules.known.setdefault("meant", {})
-        return kept(known, call, lambda: _resolved(self.rules, call))
+        return self.of_run("meant", call, lambda: _resolved(self.rules, call))
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
@@ -271,6 +270,11 @@ class Language(ABC):
         found: Found = known[0]
         return found
 
+    def of_run(self, what: str, part: object, find: Callable[[], Found]) -> Found:
+        """``kept``, for all episodes that are judged by these rules."""
+        known: Kept[Found] = self.rules.known.setdefault(what, {})
+        return kept(known, part, find)
+
     def _values_read(self, node: object) -> int:
         """A number for the values of the parameters that a part of the rules reads: alike for the same ones."""
         reads = () if node is None else sorted(parameters_read(self.rules, node))
@@ -286,7 +290,7 @@ class Language(ABC):
         def costly() -> bool:
             return any(is_costly(name) or name in COSTLY for name in self._asks(part))
 
-        return kept(self.rules.known.setdefault("costly", {}), part, costly)
+        return self.of_run("costly", part, costly)
 
     def _asks(self, part: object) -> Iterator[str]:
         """Names of the built-in signals and relations, and of the operations, that a part asks for."""
