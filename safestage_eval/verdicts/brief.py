@@ -12,10 +12,11 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.evidence import intervals
 from safestage_eval.evidence.intervals import Bool, Interval
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 
 from .evaluate import Evaluated, Evaluator
 from .events import Scope, edges
-from .obligations import Instance, wanted
+from .obligations import Instance
 
 States = list[tuple[Evaluated, str | None]]
 """States that must last to count, and break the rule where they hold; each with its edge."""
@@ -93,7 +94,7 @@ def _note(evaluator: Evaluator, state: Evaluated, first: int, stop: int) -> str:
 
 def _breaking_parts(instance: Instance) -> Iterator[tuple[Evaluated, bool]]:
     """What breaks a rule where it holds, and where it does not (true); the forbidden first."""
-    for met in sorted(instance.met, key=lambda m: wanted(m.clause.kind)):
+    for met in sorted(instance.met, key=lambda m: CLAUSES[m.clause.kind].wanted):
         tree, kind = met.tree, met.clause.kind
         if kind == "forbid":
             several = tree.children[0] if len(tree.children) == 1 else tree

@@ -16,13 +16,14 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.declare import is_gate
 from safestage_eval.evidence.intervals import Interval
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.signals import SIGNALS
 
 from . import between_samples
 from . import since as changes
 from .evaluate import Evaluated, Evaluator
 from .language import Env, limit_margin
-from .obligations import Instance, wanted
+from .obligations import Instance
 from .windows import without_short_runs
 
 ALIKE = 1e-4
@@ -86,7 +87,7 @@ def witness_at(
     evaluator: Evaluator, clause: ast.Clause, tree: Evaluated, frame: int, *, violated: bool
 ) -> Witness:
     """The measurement behind the margin of (a part of) an obligation at a frame."""
-    holds = wanted(clause.kind)
+    holds = CLAUSES[clause.kind].wanted
     return _Walk(evaluator, violated == holds, 1 if holds else -1).down(tree, frame)
 
 
