@@ -20,8 +20,7 @@ from .contact_sums import ContactSums
 from .declare import Options, OptionValue, Signal
 from .intervals import Interval, exact, unknown
 from .missing_values import Gaps
-from .reference import Baseline, Reference
-from .settling import settled
+from .reference import Baseline, Reference, settled
 
 F64 = NDArray[np.float64]
 

@@ -91,9 +91,19 @@ class Interval:
         return self.upper < 0
 
     @property
+    def possible(self) -> Bool:
+        """(T,) not certainly false."""
+        return ~(self.upper < 0)
+
+    @property
     def unknown(self) -> Bool:
         """(T,) neither."""
         return (self.lower < 0) & (self.upper >= 0)
+
+    @property
+    def decided(self) -> bool:
+        """Whether it holds is known at every frame."""
+        return self.exact or not self.unknown.any()
 
 
 def exact(values: ArrayLike, dimension: str, notes: tuple[str, ...] = ()) -> Interval:
@@ -142,12 +152,12 @@ def strict(margin: F64) -> F64:
     return margin
 
 
-def crisp(truth: Bool, known: Bool | None = None) -> Interval:
-    """±∞ margins of a yes-or-no series (T,); where ``known`` is false, [−∞, +∞]."""
-    margin = np.where(truth, np.inf, -np.inf)
-    if known is None or known.all():
-        return Interval(margin, margin)
-    return Interval(np.where(known, margin, -np.inf), np.where(known, margin, np.inf))
+def crisp(sure: Bool, possible: Bool | None = None) -> Interval:
+    """±∞ margins of a yes-or-no series (T,); [−∞, +∞] where it is ``possible`` but not ``sure``."""
+    lower = np.where(sure, np.inf, -np.inf)
+    if possible is None or np.array_equal(sure, possible):
+        return Interval(lower, lower)
+    return Interval(lower, np.where(possible, np.inf, -np.inf))
 
 
 def both(bands: Sequence[Interval], frames: int) -> Interval:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.episode.runs import runs
-from safestage_eval.geometry.pose import angle
+from safestage_eval.geometry.pose import unit
 
 Numbers = NDArray[np.floating[Any]]
 Frames = NDArray[np.integer[Any]]
@@ -136,21 +136,22 @@ def roots(bodies: Sequence[Body]) -> list[int]:
 
 
 def _starts(t: Numbers, ago: Frames, path: Path) -> Iterator[Start]:
-    place, turn = path.place, path.turn
+    place = path.place
     if len(place) != len(t) or len(t) < 2:
         return
-    moves = np.zeros(len(t), np.bool_)
-    for then in (ago, (ago + np.arange(len(t))) // 2):  # what swings comes back
+    turn, every = unit(path.turn), np.arange(len(t))
+    moves = t < t[0] + LIES_FOR - 1e-9
+    for then in (ago, (ago + every) // 2):  # what swings comes back
         moves |= np.abs(place - place[then]).max(axis=1) > LIES
-        moves |= angle(turn, turn[then]) > LIES_TURN
-    moves |= t < t[0] + LIES_FOR - 1e-9
+        still = np.flatnonzero(~moves)
+        moves[still] = _turned(turn[still], turn[then[still]], LIES_TURN)
     soon = max(LIES_FOR, SHOWS * float(np.median(np.diff(t))))
     for first, stop in runs(moves).tolist():
         lay = first - 1
         way = np.linalg.norm(place[first:stop] - place[lay], axis=1)
         lately = np.linalg.norm(place[first:stop] - place[ago[first:stop]], axis=1) >= CREEPS
-        lately |= angle(turn[first:stop], turn[ago[first:stop]]) >= CREEPS_TURN
-        far = (way >= MOVES) | (angle(turn[first:stop], turn[lay]) >= MOVES_TURN)
+        lately |= _turned(turn[first:stop], turn[ago[first:stop]], CREEPS_TURN)
+        far = (way >= MOVES) | _turned(turn[first:stop], turn[lay], MOVES_TURN)
         far &= lately
         at = int(far.argmax()) if far.any() else len(far) - 1
         moved, before = first + at, int(ago[lay])
@@ -160,3 +161,9 @@ def _starts(t: Numbers, ago: Frames, path: Path) -> Iterator[Start]:
         gap = bool(path.lost[before : moved + 1].any())
         moved = int(t.searchsorted(t[moved] + soon + 1e-9)) - 1
         yield Start(before, lay, moved, stop, bool(far.any()), first > 0 and not falls and not gap)
+
+
+def _turned(now: Numbers, then: Numbers, by: float) -> NDArray[np.bool_]:
+    """(N,) unit quaternions that are more than an angle (rad) apart: their chord is 2 sin(θ/4)."""
+    apart = [np.einsum("ij,ij->i", x, x) for x in (now - then, now + then)]
+    return np.asarray(np.minimum(*apart) > (2 * np.sin(by / 4)) ** 2)

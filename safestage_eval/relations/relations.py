@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import RELATIONS, SIGNALS, Options
 from safestage_eval.evidence.intervals import Interval, hidden, hide
-from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.measure import Partial, Signals
 from safestage_eval.evidence.missing_values import either
-from safestage_eval.evidence.partial import Partial
 from safestage_eval.evidence.reference import Reference
 from safestage_eval.geometry.cavity import inside_parts
 from safestage_eval.geometry.pose import angle

@@ -147,7 +147,7 @@ def health(request: Request) -> Interval:
     Damage is what one evaluation costs, and there is one every Δt: ∫ damage dt / Δt. An impact is
     seen for Δt, so it costs its damage once.
     """
-    from safestage_eval.evidence.unseen import lost_within
+    from safestage_eval.evidence.measure import lost_within
 
     loss = damage(request)
     if not loss.known.any():

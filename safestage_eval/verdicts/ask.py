@@ -96,7 +96,7 @@ def _declared(
 def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Interval:
     """(T,) 1 where it certainly holds, 0 where it certainly does not, unknown elsewhere."""
     band = evaluator.state(ast.Call(name, tuple(bodies)), {}).margin
-    lower, upper = band.true.astype(np.float64), (~band.false).astype(np.float64)
+    lower, upper = band.true.astype(np.float64), band.possible.astype(np.float64)
     open_ = band.unknown
     return Interval(
         np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper), "number",

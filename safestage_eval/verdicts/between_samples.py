@@ -12,13 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval.episode import Window
-from safestage_eval.evidence.intervals import Bool, Interval
+from safestage_eval.episode import Clock, Window
+from safestage_eval.evidence.declare import is_gate
+from safestage_eval.evidence.intervals import TINY, Bool, Interval, crisp
 from safestage_eval.evidence.reference import Reference
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.operations import OPERATIONS
 
-from .events import Scope, Truth
-from .language import Language, lasting
+from . import computed_signals
+from .events import Scope
+from .language import Language
+from .windows import lasting
 
 # ---- events
 
@@ -43,10 +47,11 @@ def held_before_too(margin: Interval, coarse: Bool) -> Interval:
     return Interval(lower, margin.upper)
 
 
-def perhaps_before(event: Truth, coarse: Bool) -> Truth:
-    """The frames of an event; perhaps also those before them: what these show may have been so when it came."""
-    before = np.append(event.possible[1:], False) & coarse & ~event.possible
-    return Truth(event.sure, event.possible | before) if before.any() else event
+def perhaps_before(event: Interval, coarse: Bool) -> Interval:
+    """An event; perhaps also at the frames before: what these show may have been so when it came."""
+    possible = event.possible
+    before = np.append(possible[1:], False) & coarse & ~possible
+    return crisp(event.true, possible | before) if before.any() else event
 
 
 def begun_between(what: ast.Alternative, scope: Scope, coarse: Bool) -> Scope:
@@ -69,10 +74,20 @@ def ended_between(scopes: Sequence[Scope], coarse: Bool) -> list[Scope]:
     ]
 
 
-def one_earlier(reference: Reference, coarse: Bool) -> Reference | None:
-    """What a change is measured from if each event came as early as it may have; None where that is the same."""
-    since = reference.since
-    if since is None or not coarse.any():
+def falls_between(event: ast.Event) -> bool:
+    """The event comes between the frame at which it is seen and the one before, at any rate."""
+    return event.call is not None and is_gate(event.call.name) and event.edge != "end"
+
+
+def earliest(evaluator: Language, event: ast.Event, reference: Reference) -> Reference | None:
+    """What a change since an event is measured from if each came as early as it may have.
+
+    None where that is the sample that shows it.
+    """
+    since, coarse = reference.since, evaluator.clock.coarse
+    if event.kind == "start" or falls_between(event) or since is None:
+        return None
+    if event.kind == "success" and evaluator.success_at_sample:
         return None
     between = (since > 0) & coarse[np.maximum(since - 1, 0)]
     if not between.any():
@@ -133,7 +148,57 @@ def hidden_touch(
         if out.any():
             first, t = int(out.argmax()), evaluator.episode.t
             evaluator.notes[
-                f"{asked.bodies[0]} may have touched {asked.bodies[1]} between two samples that "
-                f"are {clock.spacing[first] * 1e3:.0f} ms apart, at {t[first]:.2f} s"
+                f"{asked.bodies[0]} may have touched {asked.bodies[1]} between "
+                f"{apart(clock, first)}, at {t[first]:.2f} s"
             ] = None
     return out
+
+
+# ---- how far a signal went
+
+
+def further(evaluator: Language, name: str, bodies: tuple[str, ...], frame: int) -> float | None:
+    """How much further (SI) a signal may have gone between a frame and its neighbours.
+
+    For distances, and what is computed from them frame by frame; None for other signals. A
+    derivative is the mean over the time between two samples, and an integral a sum.
+    """
+    computed = evaluator.rules.derived.get(name)
+    if computed is None:
+        return evaluator.relations.between_frames(name, bodies, frame)
+    if not OPERATIONS[computed.operation].pointwise:
+        return None
+    asked = computed_signals.measurements(evaluator, computed, bodies)
+    each = [further(evaluator, one.name, one.bodies, frame) for one in asked]
+    known = [one for one in each if one is not None]
+    if not known or computed.operation != "product":
+        return sum(known) if known else None
+    if len(each) > 1:
+        return np.inf
+    numbers = [n for n in computed.operands if isinstance(n, ast.Quantity | ast.Parameter)]
+    return known[0] * float(np.prod([abs(evaluator.number(n, {})) for n in numbers]))
+
+
+def lowest(margin: float, apart: float, slack: float) -> float:
+    """How low a margin (normalised) that is met at a sample may be beside it.
+
+    Args:
+        margin: at the sample.
+        apart: m, how far the value is from its limit there.
+        slack: m, how much further it may have gone.
+    """
+    return min(margin * (1 - slack / max(apart, np.finfo(float).tiny)), -TINY)
+
+
+# ---- in words
+
+
+def apart(clock: Clock, frame: int) -> str:
+    """``two samples that are 40 ms apart``: a frame and the one behind it."""
+    return f"two samples that are {clock.spacing[frame] * 1e3:.0f} ms apart"
+
+
+def wider(clock: Clock, frame: int) -> int:
+    """The frame or the one before it: that behind which the next comes later."""
+    first = max(frame - 1, 0)
+    return first + int(clock.spacing[first : frame + 1].argmax())

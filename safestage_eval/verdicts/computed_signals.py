@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from safestage_eval.evidence.interval_arithmetic import (
+    AT_REST,
     Ends,
     change_per_second,
     change_within,
     combined,
+    sparc,
     summed_over_time,
 )
 from safestage_eval.evidence.intervals import Bool, Interval, exact
-from safestage_eval.evidence.spectral_arc import AT_REST, sparc
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.operations import OPERATIONS
 
@@ -111,7 +112,7 @@ def _operand(evaluator: Language, operand: ast.Operand, env: Env, frames: Bool |
         sure = margin.true.astype(np.float64)
         if not margin.unknown.any():
             return Interval(sure, sure, "ratio")
-        return Interval(sure, (~margin.false).astype(np.float64), "ratio")
+        return Interval(sure, margin.possible.astype(np.float64), "ratio")
     if isinstance(operand, ast.SignalAtom):
         return evaluator.measured_series(_asked(evaluator, operand, env), operand, env, frames)
     return exact(np.full(evaluator.frames, evaluator.number(operand, env)), "")
@@ -131,27 +132,3 @@ def measurements(
     env = dict(zip(computed.of, bodies, strict=True))
     signals = [one for one in computed.operands if isinstance(one, ast.SignalAtom)]
     return [_asked(evaluator, one, env) for one in signals]
-
-
-def between_frames(
-    evaluator: Language, name: str, bodies: tuple[str, ...], frame: int
-) -> float | None:
-    """How much further (SI) a signal may have gone between a frame and its neighbours.
-
-    For distances, and what is computed from them frame by frame; None for other signals. A
-    derivative is the mean over the time between two samples, and an integral a sum.
-    """
-    computed = evaluator.rules.derived.get(name)
-    if computed is None:
-        return evaluator.relations.between_frames(name, bodies, frame)
-    if not OPERATIONS[computed.operation].pointwise:
-        return None
-    asked = measurements(evaluator, computed, bodies)
-    each = [between_frames(evaluator, one.name, one.bodies, frame) for one in asked]
-    known = [one for one in each if one is not None]
-    if not known or computed.operation != "product":
-        return sum(known) if known else None
-    if len(each) > 1:
-        return np.inf
-    numbers = [n for n in computed.operands if isinstance(n, ast.Quantity | ast.Parameter)]
-    return known[0] * float(np.prod([abs(evaluator.number(n, {})) for n in numbers]))

@@ -239,7 +239,7 @@ def _amounts(
         # whether a stretch starts in the scope hangs on the frame before it
         near = may | np.append(may[1:], False)
         band = evaluator.evaluate(charge.when, env, None, near).margin
-        true, possible = band.true, ~band.false
+        true, possible = band.true, band.possible
         if charge.per == "start":
             least, most = _starts(true, possible, sure, may)
         else:

@@ -92,13 +92,13 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
 
     contact, held, t = state("contact", "robot", body), state("held", body), evaluator.episode.t
     sure = contact.true | held.true
-    touch = sure, sure | ~contact.false
+    touch = sure, sure | contact.possible
     displaced = state("displaced", body)
-    moved = displaced.true, ~displaced.false
+    moved = displaced.true, displaced.possible
     if moved[1].any():  # perhaps in something that the robot carries
         carried = state("carried", body)
         if carried.any_known:
-            touch = touch[0] | carried.true, touch[1] | ~carried.false
+            touch = touch[0] | carried.true, touch[1] | carried.possible
     if not touch[1].any():
         return _reached(evaluator, body)
     stages = []

@@ -20,9 +20,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 
 from . import between_samples, computed_signals, events, since, windows
-from .events import Moment, Truth, truth_of
+from .events import Moment
 from .language import (
-    MANY,
     Asked,
     Env,
     Evaluated,
@@ -31,9 +30,9 @@ from .language import (
     ends_early,
     ends_with_success,
     lacks_its_success,
-    lasting,
     limit_margin,
 )
+from .windows import last_of, lasting, widened
 
 __all__ = ["Evaluated", "Evaluator", "Node"]
 
@@ -214,18 +213,11 @@ class Evaluator(Language):
 
     def _by_cost(self, node: object, parts: tuple[Part, ...]) -> list[tuple[Part, bool]]:
         """The parts of a condition, and whether they are costly; those last."""
-        known: dict[int, tuple[object, list[tuple[Part, bool]]]] = self.rules.known.setdefault(
-            "by cost", {}
-        )
-        found = known.get(id(node))
-        if found is None or found[0] is not node:
-            if len(known) > MANY:
-                known.clear()
-            ordered = sorted(
-                ((part, self.is_costly(part)) for part in parts), key=lambda one: one[1]
-            )
-            found = known[id(node)] = node, ordered
-        return found[1]
+
+        def ordered() -> list[tuple[Part, bool]]:
+            return sorted(((part, self.is_costly(part)) for part in parts), key=lambda one: one[1])
+
+        return self.of_run("by cost", node, ordered)
 
     def _event(
         self, node: ast.Event, env: Env, kind: ClauseKind | None, frames: Bool | None
@@ -233,21 +225,19 @@ class Evaluator(Language):
         """The frames of an event; of a bare state, all at which it holds."""
         call, edge = node.call, node.edge
         if call is None:
-            truth = self.truth(node, env)
-            return Evaluated(node, env, intervals.crisp(truth.sure, truth.sure == truth.possible))
+            return Evaluated(node, env, self.truth(node, env))
         if edge is None:
             state = self.must_not(call, env, "forbid", kind, frames)
             return Evaluated(node, env, state.margin, (state,))
-        near = None if frames is None else windows.widened(frames, 1)
+        near = None if frames is None else widened(frames, 1)
         forbidding = kind is not None and not CLAUSES[kind].wanted
         if edge == "start" and forbidding:
             state = self.must_not(call, env, "forbid", kind, near)
         else:
             state = self.state(call, env, near)
-        truth = events.edges(truth_of(state.margin), edge)
+        margin = events.edges(state.margin, edge)
         if not self.causal:
-            truth = between_samples.perhaps_before(truth, self.clock.coarse)
-        margin = intervals.crisp(truth.sure, truth.sure == truth.possible)
+            margin = between_samples.perhaps_before(margin, self.clock.coarse)
         return Evaluated(node, env, margin, (state,))
 
     def _count(self, node: ast.CountAtom, env: Env, frames: Bool | None) -> Evaluated:
@@ -373,18 +363,18 @@ class Evaluator(Language):
         if not frames.any():
             return frames
         if state.until is not None:  # it may have held since any frame before
-            frames = np.arange(self.frames) < windows.last_of(frames)
+            frames = np.arange(self.frames) < last_of(frames)
         lasts, gap = self.window(state.for_), self.open_gap(state.gap)
         reach = lasts.frames + gap.frames - 2
         if reach <= 0:
             return frames
-        return windows.widened(frames, reach) if self.clock.uniform else None
+        return widened(frames, reach) if self.clock.uniform else None
 
     def _relation(self, name: str, bodies: tuple[str, ...], frames: Bool | None) -> Evaluated:
         truth = self.relations.told(name, bodies, frames)
         for note in truth.notes:
             self.notes[note] = None
-        margin = intervals.crisp(truth.lower > 0, truth.lower == truth.upper)
+        margin = intervals.crisp(truth.lower > 0, truth.upper > 0)
         return Evaluated(ast.Call(name, bodies), {}, margin)
 
     def _declared(
@@ -409,14 +399,8 @@ class Evaluator(Language):
             exact = margin.exact and more.exact
             margin = Interval(lower, lower if exact else np.where(holds, margin.upper, more.upper))
         if state.until is not None:
-            margin = self._latched(margin, state.until, env, frames)
+            margin = windows.latched(margin, self.truth(state.until, env, frames))
         return Evaluated(ast.Call(state.name, bodies), env, margin, tuple(sources), raw)
-
-    def _latched(
-        self, margin: Interval, until: ast.Event, env: Env, frames: Bool | None
-    ) -> Interval:
-        """Once it holds, it holds until the event."""
-        return windows.latched(margin, *self.truth(until, env, frames))
 
     def _also(self, also: ast.Condition, env: Env) -> Evaluated:
         """What a state holds by, however briefly; parts that the trace knows nothing of are left out."""
@@ -496,23 +480,23 @@ class Evaluator(Language):
             return False
         return abs(float(self.episode.t[self.success]) - stated) < 1e-6
 
-    def truth(self, event: ast.Event, env: Env, frames: Bool | None = None) -> Truth:
+    def truth(self, event: ast.Event, env: Env, frames: Bool | None = None) -> Interval:
         """The frames of an event; of a bare state, all frames where it holds.
 
         ``end`` comes after the last frame and so has none. ``frames`` as in ``evaluate``.
         """
         if event.kind == "state" and event.call is not None:
-            near = frames if frames is None or event.edge is None else windows.widened(frames, 1)
-            now = truth_of(self.state(event.call, env, near).margin)
+            near = frames if frames is None or event.edge is None else widened(frames, 1)
+            now = self.state(event.call, env, near).margin
             return now if event.edge is None else events.edges(now, event.edge)
         at = np.zeros(self.frames, np.bool_)
         if event.kind == "start":
             at[:1] = True
         elif event.kind == "success" and not self.success_known:
-            return Truth(at, ~at)
+            return intervals.crisp(at, ~at)
         elif event.kind == "success" and self.success is not None:
             at[self.success] = True
-        return Truth(at, at)
+        return intervals.crisp(at)
 
     def holds(self, call: ast.Call, env: Env) -> Bool:
         """(T,) where a state or relation certainly holds."""
@@ -531,8 +515,8 @@ class Evaluator(Language):
             return [] if self.success is None else [Moment(self.success, self.success)]
         if event.kind == "start" or event.call is None:
             return [Moment(0, 0)]
-        truth = truth_of(self.state(event.call, env).margin)
-        return events.ends(truth) if event.edge == "end" else events.starts(truth)
+        held = self.state(event.call, env).margin
+        return events.ends(held) if event.edge == "end" else events.starts(held)
 
 
 def _left_open(ends: Sequence[F64], decided: float, frames: Bool | None) -> Bool | None:

@@ -13,21 +13,9 @@ import numpy as np
 
 from safestage_eval.episode.clock import Window
 from safestage_eval.episode.runs import runs
-from safestage_eval.evidence.intervals import Bool, Interval
+from safestage_eval.evidence.intervals import Bool, Interval, crisp
 
 # ---- moments
-
-
-class Truth(NamedTuple):
-    """The frames (T,) at which something certainly holds, and at which it may."""
-
-    sure: Bool
-    possible: Bool
-
-    @property
-    def known(self) -> bool:
-        """Nothing about it is open."""
-        return self.sure is self.possible or bool((self.sure == self.possible).all())
 
 
 class Moment(NamedTuple):
@@ -46,38 +34,27 @@ class Moment(NamedTuple):
         return self.sure and self.first == self.last
 
 
-def truth_of(band: Interval) -> Truth:
-    """Where a margin is certainly, and possibly, at least 0."""
-    sure = band.true
-    return Truth(sure, sure if band.exact else ~band.false)
-
-
-def edges(truth: Truth, edge: str) -> Truth:
+def edges(held: Interval, edge: str) -> Interval:
     """The frames at which something starts (``start``) to hold, or has just ended to (``end``)."""
-    sure, possible = truth
-    then = Truth(_before(sure), _before(possible))
-    first, second = (truth, then) if edge == "start" else (then, truth)
-    return Truth(first.sure & ~second.possible, first.possible & ~second.sure)
+    now = held.true, held.possible
+    # nothing holds before the first frame
+    then = tuple(np.concatenate([np.zeros(1, np.bool_), part[:-1]])[: len(part)] for part in now)
+    first, second = (now, then) if edge == "start" else (then, now)
+    return crisp(first[0] & ~second[1], first[1] & ~second[0])
 
 
-def _before(truth: Bool) -> Bool:
-    """At each frame what holds at the one before; nothing before the first."""
-    out = np.zeros(len(truth), np.bool_)
-    out[1:] = truth[:-1]
-    return out
-
-
-def starts(truth: Truth) -> list[Moment]:
+def starts(held: Interval) -> list[Moment]:
     """The beginnings of the stretches in which something holds, in order.
 
     What holds at the first frame starts there. A possible stretch that holds a certain frame
     begins at that frame at the latest; behind a gap that is not known it may begin again.
     """
-    if truth.known:
-        return [Moment(first, first) for first, _ in runs(truth.sure).tolist()]
+    sure = held.true
+    if held.decided:
+        return [Moment(first, first) for first, _ in runs(sure).tolist()]
     out: list[Moment] = []
-    for first, stop in runs(truth.possible).tolist():
-        blocks = (first + runs(truth.sure[first:stop])).tolist()
+    for first, stop in runs(held.possible).tolist():
+        blocks = (first + runs(sure[first:stop])).tolist()
         if not blocks:
             out.append(Moment(first, stop - 1, sure=False))
             continue
@@ -88,16 +65,16 @@ def starts(truth: Truth) -> list[Moment]:
     return out
 
 
-def ends(truth: Truth) -> list[Moment]:
+def ends(held: Interval) -> list[Moment]:
     """The first frames behind the stretches in which something holds, in order.
 
     What holds at the last frame has no end.
     """
-    frames, out = len(truth.sure), list[Moment]()
-    if truth.known:
-        return [Moment(stop, stop) for _, stop in runs(truth.sure).tolist() if stop < frames]
-    for first, stop in runs(truth.possible).tolist():
-        blocks = (first + runs(truth.sure[first:stop])).tolist()
+    frames, sure, out = len(held), held.true, list[Moment]()
+    if held.decided:
+        return [Moment(stop, stop) for _, stop in runs(sure).tolist() if stop < frames]
+    for first, stop in runs(held.possible).tolist():
+        blocks = (first + runs(sure[first:stop])).tolist()
         begin = blocks[-1][1] if blocks else first + 1
         early = first + 1 if not blocks or blocks[0][0] > first else blocks[0][1]
         if blocks and early < blocks[-1][0]:
@@ -108,14 +85,14 @@ def ends(truth: Truth) -> list[Moment]:
     return out
 
 
-def frames_of(moments: Sequence[Moment], frames: int) -> Truth:
-    """(T,) the frames at which one of the moments certainly, and possibly, is."""
+def frames_of(moments: Sequence[Moment], frames: int) -> Interval:
+    """(T,) where one of the moments is."""
     sure, possible = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
     for moment in moments:
         possible[moment.first : moment.last + 1] = True
         if moment.known and moment.first < frames:
             sure[moment.first] = True
-    return Truth(sure, possible)
+    return crisp(sure, possible)
 
 
 # ---- scopes
@@ -171,25 +148,26 @@ def _pieces(first: int, possible: Bool, sure: Bool, *, cut: bool) -> list[Scope]
     ]
 
 
-def of_truth(truth: Truth, *, truncated: bool) -> list[Scope]:
+def of_truth(held: Interval, *, truncated: bool) -> list[Scope]:
     """Every run of true frames; a run that reaches the end of a truncated trace is cut."""
-    return _pieces(0, truth.possible, truth.sure, cut=truncated)
+    return _pieces(0, held.possible, held.true, cut=truncated)
 
 
-def from_to(on: Truth, off: Truth, *, truncated: bool) -> list[Scope]:
+def from_to(on: Interval, off: Interval, *, truncated: bool) -> list[Scope]:
     """From each frame of ``on`` to the next of ``off`` (excluded).
 
     active(t) = (on(t) or active(t − 1)) and not off(t); where both are true the scope is empty
     but exists, so that it can be counted.
     """
-    widest = _from_to(on.possible, off.sure, truncated=truncated)
-    if on.known and off.known:
+    begins, stops = on.true, off.true
+    widest = _from_to(on.possible, stops, truncated=truncated)
+    if on.decided and off.decided:
         return widest
-    sure = mask_of(_from_to(on.sure, off.possible, truncated=truncated), len(on.sure))
+    sure = mask_of(_from_to(begins, off.possible, truncated=truncated), len(on))
     return [
         s if s.first == s.stop else _scope(s.first, s.stop, sure[s.first : s.stop], cut=s.cut)
         for s in widest
-        if s.first < s.stop or (on.sure[s.first] and off.sure[s.first])
+        if s.first < s.stop or (begins[s.first] and stops[s.first])
     ]
 
 
@@ -273,26 +251,26 @@ def _around(
     return Scope(first, stop, cut, (frames >= surely) & (frames < until) & moment.sure)
 
 
-def within(scopes: Sequence[Scope], truth: Truth) -> list[Scope]:
-    """The frames of each scope in which ``truth`` holds; a cut scope stays cut at its end."""
-    out = []
+def within(scopes: Sequence[Scope], held: Interval) -> list[Scope]:
+    """The frames of each scope in which something holds; a cut scope stays cut at its end."""
+    out, sure, possible = list[Scope](), held.true, held.possible
     for scope in scopes:
         first, stop, cut, _ = scope
-        inside = truth.sure[first:stop] & scope.certain
-        inner = _pieces(first, truth.possible[first:stop], inside, cut=cut)
+        inside = sure[first:stop] & scope.certain
+        inner = _pieces(first, possible[first:stop], inside, cut=cut)
         if cut and not (inner and inner[-1].stop == stop):
             inner.append(Scope(stop, stop, True))
         out += inner
     return out
 
 
-def until(scopes: Sequence[Scope], stop_at: Truth) -> list[Scope]:
+def until(scopes: Sequence[Scope], stop_at: Interval) -> list[Scope]:
     """Each scope up to the first frame of ``stop_at`` in it (excluded)."""
-    out = []
+    out, surely, perhaps = list[Scope](), stop_at.true, stop_at.possible
     for scope in scopes:
         first, stop, cut, sure = scope
-        hits = stop_at.possible[first:stop].nonzero()[0]
-        ends = (stop_at.sure[first:stop] & scope.certain).nonzero()[0]
+        hits = perhaps[first:stop].nonzero()[0]
+        ends = (surely[first:stop] & scope.certain).nonzero()[0]
         if not len(hits):
             out.append(scope)
         elif sure is None and len(ends) and hits[0] == ends[0]:

@@ -26,11 +26,11 @@ from .cost import judge_cost
 from .engagement import Engagement, engagement, held_again
 from .evaluate import Evaluator
 from .explain import inconclusive
+from .goal import native_success
 from .language import UNDECLARED
 from .players import combinations
 from .rule_verdict import how_often, judge_rule
 from .scopes import first_frames
-from .success import native_success
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 
 
@@ -206,14 +206,14 @@ class Judge:
         blank, players = self._start(rule)
         if blank.vacuity:
             return blank
-        evaluator = self.evaluator(self._values(rule))
+        evaluator = self.evaluator(self.values(rule))
         verdict = judge_rule(evaluator, rule, players, blank)
         return _with_levels(evaluator, rule, players, verdict)
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
         """Total of a cost, and its verdict if it has a budget."""
         blank, players = self._start(cost)
-        evaluator = self.evaluator(self._values(cost))
+        evaluator = self.evaluator(self.values(cost))
         total, judged = judge_cost(evaluator, cost, players, blank)
         return total, judged and _with_levels(evaluator, cost, players, judged)
 
@@ -221,7 +221,7 @@ class Judge:
         """The verdict's fixed fields, with its ``vacuity`` if a role is not played; and the players."""
         players = self.binding.players(rule, self.episode.header)
         self._check_distinct(rule, players)
-        params = self._values(rule)
+        params = self.values(rule)
         used = parameters_read(self.rules, rule) if self.binding.overridden else ()
         digest = rule_digest(self.rules, rule, params)
         return self.blank(rule, self.binding, players, used, digest), players
@@ -292,7 +292,7 @@ class Judge:
         self._evaluators.append(evaluator)
         return evaluator
 
-    def _values(self, rule: ast.Scoped) -> ast.Params:
+    def values(self, rule: ast.Scoped) -> ast.Params:
         """The parameters as they hold for a rule."""
         if rule.code not in self._params:
             self._params[rule.code] = self.binding.params(rule)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from safestage_eval.episode import Clock, Episode, Lasting, Window
+from safestage_eval.episode import Clock, Episode, Window
 from safestage_eval.errors import did_you_mean
 from safestage_eval.evidence.declare import Options, OptionValue, Signal, is_costly
 from safestage_eval.evidence.intervals import F64, Bool, Interval, strict
@@ -23,6 +23,8 @@ from safestage_eval.rules.operations import OPERATIONS
 from safestage_eval.signals import SIGNALS
 
 from .events import Moment
+from .players import Kept, kept
+from .windows import NONE, ONE, lasting
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -31,8 +33,6 @@ Found = TypeVar("Found")
 Node = ast.Alternative | ast.Atom | ast.Call
 
 COSTLY = {name for name, operation in OPERATIONS.items() if operation.costly}
-MANY = 4096
-"""Parts of rules that are remembered at once; goals in headers are new with every episode."""
 
 
 class Evaluated(NamedTuple):
@@ -61,7 +61,6 @@ class Meant(NamedTuple):
     """A call of a built-in signal or of a variant of one.
 
     Attributes:
-        call: as written; kept, so that no other comes to have its identity.
         name: of the built-in signal, or of one that is computed from others.
         roles: those of its arguments that are roles or bodies.
         options: what the variant or the first argument says, sorted by name.
@@ -69,7 +68,6 @@ class Meant(NamedTuple):
         scale: SI size that counts as one in a normalised margin when the limit is 0.
     """
 
-    call: ast.Call
     name: str
     roles: tuple[str, ...]
     options: Options
@@ -150,23 +148,23 @@ class Language(ABC):
         """Role → all bodies that play it, for ``at least K role``."""
         self.notes: dict[str, None] = {}
         """On what is being found out, in the order in which they came up."""
-        self._meanings: dict[int, Meant] = rules.known.setdefault("meant", {})
-        """By the identity of a call, for all episodes of a run."""
-        if len(self._meanings) > MANY:
-            self._meanings.clear()
         self._memo: dict[tuple[Any, ...], Any] = {} if memo is None else memo
         self._read: dict[Any, int] = {}
-        self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
-        """Limits that depend on no body, by identity of their atom, which is kept beside them."""
+        self._limits: Kept[tuple[float, ...]] = {}
+        """Limits that depend on no body, of atoms."""
 
     @property
     def clock(self) -> Clock:
         """The episode's clock."""
         return self.episode.clock
 
+    def setting(self, name: str) -> ast.Setting:
+        """The value of a parameter."""
+        return self.params[name]
+
     def duration(self, duration: ast.Duration | ast.Parameter) -> ast.Duration:
         """A duration as it is given under these values."""
-        value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
+        value = self.setting(duration.name) if isinstance(duration, ast.Parameter) else duration
         return ast.Duration(value.value) if isinstance(value, ast.Quantity) else value
 
     def window(self, duration: ast.Duration | ast.Parameter | None) -> Window:
@@ -182,7 +180,7 @@ class Language(ABC):
         if isinstance(value, ast.Quantity):
             return value.value
         if isinstance(value, ast.Parameter):
-            number = ast.amount(self.params[value.name])
+            number = ast.amount(self.setting(value.name))
         else:
             player = env.get(value.role, value.role)
             material = self.material(player)
@@ -192,6 +190,10 @@ class Language(ABC):
             default = self.rules.materials["default"]
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
+
+    def limit(self, value: ast.Value, env: Env) -> float:
+        """``number``, of what a signal is compared with."""
+        return self.number(value, env)
 
     def material(self, player: str) -> str:
         """The row that holds for a body, or for the body that a joint moves."""
@@ -208,17 +210,14 @@ class Language(ABC):
         return meant.name, bodies, meant.options if plain else self._options(meant, env)
 
     def _meaning(self, call: ast.Call) -> Meant:
-        meant = self._meanings.get(id(call))
-        if meant is None or meant.call is not call:
-            meant = self._meanings[id(call)] = _resolved(self.rules, call)
-        return meant
+        return self.of_run("meant", call, lambda: _resolved(self.rules, call))
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
         for column in meant.columns:
             options[column] = self.number(ast.Column(column, meant.roles[0]), env)
         for option, name in meant.params:
-            value = self.params[name]
+            value = self.setting(name)
             frames = isinstance(value, ast.Duration) and value.frames
             options[option] = ast.amount(value) * (self.episode.dt if frames else 1.0)
         return tuple(sorted(options.items(), key=lambda item: item[0]))
@@ -226,14 +225,14 @@ class Language(ABC):
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
         """The measurement behind an atom, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
-        cached = self._limits.get(id(atom))
-        if cached is not None:
-            return Asked(name, bodies, options, cached[1], cached[2])
-        limits = tuple([self.number(limit.value, env) for limit in atom.limits])
-        reach = reach_of(limits)
-        if not any(isinstance(limit.value, ast.Column) for limit in atom.limits):
-            self._limits[id(atom)] = atom, limits, reach
-        return Asked(name, bodies, options, limits, reach)
+
+        def find() -> tuple[float, ...]:
+            return tuple([self.limit(limit.value, env) for limit in atom.limits])
+
+        of_bodies = any(isinstance(limit.value, ast.Column) for limit in atom.limits)
+        limits = find() if of_bodies else kept(self._limits, atom, find)
+        # a limit is never where a signal saturates
+        return Asked(name, bodies, options, limits, max(map(abs, limits)) * (1 + 1e-6) + 1e-6)
 
     def signal(self, name: str) -> Signal:
         """Declaration of the signal of this name, built-in or computed."""
@@ -271,6 +270,11 @@ class Language(ABC):
         found: Found = known[0]
         return found
 
+    def of_run(self, what: str, part: object, find: Callable[[], Found]) -> Found:
+        """``kept``, for all episodes that are judged by these rules."""
+        known: Kept[Found] = self.rules.known.setdefault(what, {})
+        return kept(known, part, find)
+
     def _values_read(self, node: object) -> int:
         """A number for the values of the parameters that a part of the rules reads: alike for the same ones."""
         reads = () if node is None else sorted(parameters_read(self.rules, node))
@@ -282,14 +286,11 @@ class Language(ABC):
 
     def is_costly(self, part: object) -> bool:
         """It asks for what is measured at the frames that matter alone, itself or through states."""
-        known: dict[int, tuple[object, bool]] = self.rules.known.setdefault("costly", {})
-        found = known.get(id(part))
-        if found is None or found[0] is not part:
-            if len(known) > MANY:  # goals in headers are new with every episode
-                known.clear()
-            costly = any(is_costly(name) or name in COSTLY for name in self._asks(part))
-            found = known[id(part)] = part, costly
-        return found[1]
+
+        def costly() -> bool:
+            return any(is_costly(name) or name in COSTLY for name in self._asks(part))
+
+        return self.of_run("costly", part, costly)
 
     def _asks(self, part: object) -> Iterator[str]:
         """Names of the built-in signals and relations, and of the operations, that a part asks for."""
@@ -330,7 +331,7 @@ def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
             for one in derived.operands
             if isinstance(one, ast.SignalAtom)
         ]
-        return Meant(call, call.name, call.args, (), (), max(scales, default=1.0))
+        return Meant(call.name, call.args, (), (), max(scales, default=1.0))
     variant = rules.signals.get(call.name)
     spec = SIGNALS[variant.base if variant is not None else call.name]
     given = dict(variant.options) if variant is not None else {}
@@ -342,7 +343,7 @@ def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
     options: dict[str, OptionValue] = {**usual, **fixed, **dict(named)}
     in_order = tuple(sorted(options.items(), key=lambda item: item[0]))
     columns = tuple(column for column, _ in spec.columns)
-    return Meant(call, spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))
+    return Meant(spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))
 
 
 UNDECLARED = "no rule file declares the material "
@@ -375,23 +376,6 @@ def ends_with_success(episode: Episode) -> bool:
     """Nothing was recorded after success: what was under way then is not followed to its end."""
     reached = episode.header.success_time
     return reached is not None and reached >= episode.t[-1] - 1e-6
-
-
-ONE, NONE = Lasting(None, 1), Lasting(None, 0)
-
-
-def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
-    """A duration for a clock; at least so many samples."""
-    if not duration.amount:
-        return Lasting(None, least)
-    if duration.frames:
-        return Lasting(None, max(least, round(duration.amount)))
-    return Lasting(duration.amount, max(least, duration.least), brief=duration.least > 1)
-
-
-def reach_of(limits: Sequence[float]) -> float:
-    """Up to where a signal is wanted exactly: a limit is never where it saturates."""
-    return max(map(abs, limits)) * (1 + 1e-6) + 1e-6
 
 
 def limit_margin(series: Interval, op: str, limit: float, scale: float) -> Interval:

@@ -13,7 +13,7 @@ import numpy as np
 from safestage_eval.episode import Window
 from safestage_eval.evidence.intervals import TINY, Bool, Interval
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.clauses import CLAUSES, ClauseKind
+from safestage_eval.rules.clauses import ClauseKind
 
 from . import between_samples
 from .evaluate import Evaluated, Evaluator
@@ -236,8 +236,3 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
         margin = tree.margin.between(scope.first, scope.stop)
         out[here] |= OBLIGATIONS[clause.kind].broken(margin, known.certain, lasting)
     return out
-
-
-def wanted(kind: ClauseKind) -> bool:
-    """An obligation is met where its condition holds, not broken there."""
-    return CLAUSES[kind].wanted

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from safestage_eval.rules import syntax as ast
 
@@ -23,36 +23,46 @@ def combinations(
             yield dict(zip(free, bodies, strict=True))
 
 
-_MANY = 1024
-_TAKEN: dict[int, tuple[ast.Scoped, tuple[str, ...], tuple[str, ...]]] = {}
-"""By identity of a rule, which is kept, and so stays what it is: hashing one takes long."""
+Found = TypeVar("Found")
+Kept = dict[int, tuple[object, Found]]
+"""What was found about parts of rules, by their identity: hashing one takes long."""
+
+MANY = 4096
+"""Parts of rules of which something is kept at once; goals in headers are new with every episode."""
+
+_TAKEN: Kept[tuple[str, ...]] = {}
+_PLACED: Kept[tuple[str, ...]] = {}
+
+
+def kept(known: Kept[Found], part: object, find: Callable[[], Found]) -> Found:
+    """What ``find`` finds about a part of the rules, found once; the part stays what it is, beside it."""
+    found = known.get(id(part))
+    if found is None or found[0] is not part:
+        if len(known) > MANY:
+            known.clear()
+        found = known[id(part)] = part, find()
+    return found[1]
 
 
 def _taken_one_by_one(rule: ast.Scoped) -> tuple[str, ...]:
-    """The roles that are not merely counted over."""
-    return _known(rule)[1]
+    return kept(_TAKEN, rule, lambda: taken_one_by_one(rule, rule))
+
+
+def taken_one_by_one(rule: ast.Scoped | ast.GoalDef, part: object) -> tuple[str, ...]:
+    """The roles that a part does not merely count over."""
+    counted = {node.role for node in nodes(part) if isinstance(node, ast.CountAtom)}
+    roles = [name for name, _ in rule.roles]
+    return tuple(n for n in roles if n not in counted or mentions(rule, n))
 
 
 def where_it_counts(rule: ast.Scoped) -> tuple[str, ...]:
     """The roles that the stretches of frames in which a rule is judged depend on."""
-    return _known(rule)[2]
+    parts = (rule.during, rule.at, rule.until)
 
+    def placed() -> tuple[str, ...]:
+        return tuple(n for n, _ in rule.roles if any(mentions(part, n) for part in parts))
 
-def _known(rule: ast.Scoped) -> tuple[ast.Scoped, tuple[str, ...], tuple[str, ...]]:
-    known = _TAKEN.get(id(rule))
-    if known is None:
-        if len(_TAKEN) >= _MANY:
-            _TAKEN.clear()
-        parts = (rule.during, rule.at, rule.until)
-        placed = tuple(n for n, _ in rule.roles if any(mentions(part, n) for part in parts))
-        known = _TAKEN[id(rule)] = rule, _not_counted(rule), placed
-    return known
-
-
-def _not_counted(rule: ast.Scoped) -> tuple[str, ...]:
-    counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
-    roles = [name for name, _ in rule.roles]
-    return tuple(n for n in roles if n not in counted or named_outside_counts(rule, n))
+    return kept(_PLACED, rule, placed)
 
 
 def nodes(node: Any) -> Iterator[Any]:
@@ -91,8 +101,3 @@ def mentions(node: Any, role: str) -> bool:
         return any(mentions(item, role) for item in node if not isinstance(item, str))
     names = field_names(type(node)) or ()
     return any(mentions(getattr(node, name), role) for name in names if name != "roles")
-
-
-def named_outside_counts(rule: ast.Scoped | ast.GoalDef, role: str) -> bool:
-    """The role also stands outside ``at least K role``, so that its bodies are taken one by one."""
-    return mentions(rule, role)

@@ -14,6 +14,7 @@ from safestage_eval.evidence.intervals import Bool
 from safestage_eval.evidence.missing_values import POSE, TWIST
 from safestage_eval.rules import syntax as ast
 
+from . import between_samples as samples
 from . import since as changes
 from .evaluate import Evaluated, Evaluator
 from .explain import seconds
@@ -121,11 +122,8 @@ def _not_measured(evaluator: Evaluator, env: Env, frame: int) -> str:
 
 def between_samples(what: str, clock: Clock, frame: int) -> Cause:
     """That something near its limit at a sample may have gone beyond it before the next one."""
-    apart = float(clock.spacing[max(frame - 1, 0) : frame + 1].max()) * 1e3
-    return Cause(
-        f"{what} may have gone beyond its limit between two samples that are {apart:.0f} ms apart",
-        "record more frames",
-    )
+    between = samples.apart(clock, samples.wider(clock, frame))
+    return Cause(f"{what} may have gone beyond its limit between {between}", "record more frames")
 
 
 def _named(what: str) -> Cause:
@@ -240,7 +238,7 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, tree: Evaluated, fram
             cause = _in_event(evaluator, atom.since, env, frame)
             if cause:
                 return cause
-        earlier = None if when is not None else changes.earliest(evaluator, atom.since, reference)
+        earlier = None if when is not None else samples.earliest(evaluator, atom.since, reference)
         if earlier is not None and earlier.since is not None and reference.since is not None:
             came = int(earlier.since[frame])
             if came != reference.since[frame]:
@@ -312,10 +310,8 @@ def _when(evaluator: Evaluator, frame: int) -> str:
 
 def _apart(evaluator: Evaluator, frame: int) -> str:
     """That the next sample comes late, in words; empty where it does not."""
-    if not evaluator.clock.coarse[frame]:
-        return ""
-    apart = evaluator.clock.spacing[frame] * 1e3
-    return f" between two samples that are {apart:.0f} ms apart"
+    coarse = evaluator.clock.coarse[frame]
+    return f" between {samples.apart(evaluator.clock, frame)}" if coarse else ""
 
 
 def _nearest(frames: Bool, frame: int) -> int:

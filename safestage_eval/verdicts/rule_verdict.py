@@ -14,7 +14,7 @@ from safestage_eval.evidence.intervals import Bool
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules import syntax_words
 
-from .brief import raw_frames, too_brief
+from .brief import raw_frames, too_brief, ways
 from .evaluate import Evaluator
 from .explain import (
     Finding,
@@ -28,13 +28,19 @@ from .explain import (
     unmet,
     untouched,
 )
-from .language import Env
 from .obligations import Instance, judge_instances, violated_frames
-from .ordering import first_witness, in_turn, is_ordering
 from .players import combinations
 from .reasons import UNNAMED, Cause, between_samples, cause_of
 from .verdict import Vacuity, Verdict, VerdictName
-from .witness import Witness, as_sampled, undersampled, witness_of
+from .witness import (
+    Witness,
+    as_sampled,
+    first_witness,
+    in_turn,
+    is_ordering,
+    undersampled,
+    witness_of,
+)
 
 
 def judge_rule(
@@ -63,12 +69,13 @@ def judge_rule(
         worst = min(violated, key=lambda i: (i.upper, i.frame))
     else:
         worst = min(undecided or instances, key=lambda i: i.lower)
+    bad = [violated_frames(evaluator, rule, one) for one in violated]
     verdict: VerdictName = "violation" if violated else "inconclusive" if undecided else "pass"
     facts: dict[str, Any] = {
         "verdict": verdict,
         "instances": len(instances),
         "violated_instances": len(violated),
-        "breaches": _how_often(evaluator, rule, violated),
+        "breaches": _how_often(bad),
     }
     if worst.clause is None or (verdict == "inconclusive" and worst.scope.cut):
         why = "what it needs is not known to the end of its scope"
@@ -77,7 +84,8 @@ def judge_rule(
     witness = first_witness(evaluator, rule, worst, violated=bool(violated)) or witness_of(
         evaluator, worst, violated=bool(violated)
     )
-    facts |= _times(evaluator, rule, violated, instances, witness)
+    briefly = ways(evaluator, instances)
+    facts |= _times(evaluator, rule, violated, bad, raw_frames(evaluator, briefly), witness)
     bound = worst.upper if violated else worst.lower
     ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
     if isinf(bound) and witness.value is not None and not ordered:
@@ -95,7 +103,7 @@ def judge_rule(
             "and the limit lies within that"
         ]
     )
-    brief = too_brief(evaluator, instances)
+    brief = too_brief(evaluator, briefly)
     notes += brief
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
@@ -124,7 +132,10 @@ def judge_rule(
         if slack is not None:
             open_ = between_samples(witness.signal, evaluator.clock, witness.frame)
         return replace(blank, **facts, explanation=_undecided(evaluator, rule, worst, open_, brief))
-    began = _began(evaluator, rule, violated, worst.env, facts["time"])
+    own = [i for i, one in enumerate(violated) if one.env == worst.env]
+    began = facts["time"]
+    if own:  # others may have broken it before those that the sentence names
+        began = _first_time(evaluator, [bad[i] for i in own], [violated[i] for i in own])
     finding = Finding(verdict, began, facts["worst_time"], witness.margin)
     explanation = sentence(evaluator, rule, worst.env, witness, finding)
     if not explanation:
@@ -160,21 +171,12 @@ def how_often(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequen
     evaluator.players, evaluator.notes = players, {}
     envs = combinations(rule, players)
     judged = (one for env in envs for one in judge_instances(evaluator, rule, env) or ())
-    return _how_often(evaluator, rule, [one for one in judged if one.violated])
+    return _how_often([violated_frames(evaluator, rule, one) for one in judged if one.violated])
 
 
-def _how_often(evaluator: Evaluator, rule: ast.Rule, violated: Sequence[Instance]) -> int:
-    return sum(max(1, len(runs(violated_frames(evaluator, rule, one)))) for one in violated)
-
-
-def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:
-    """Whether the verdict would be a violation; arguments as ``judge_rule``."""
-    evaluator.players, evaluator.notes = players, {}
-    return any(
-        instance.violated
-        for env in combinations(rule, players)
-        for instance in judge_instances(evaluator, rule, env) or ()
-    )
+def _how_often(bad: Sequence[Bool]) -> int:
+    """How many stretches, one at least of each instance; ``bad``: (T,) where each breaks the rule."""
+    return sum(max(1, len(runs(frames))) for frames in bad)
 
 
 def _without_measurement(
@@ -258,12 +260,17 @@ def _times(
     evaluator: Evaluator,
     rule: ast.Rule,
     violated: Sequence[Instance],
-    instances: Sequence[Instance],
+    each: Sequence[Bool],
+    raw: Bool | None,
     witness: Witness,
 ) -> dict[str, Any]:
-    """When: the fields of a verdict that say so."""
+    """When: the fields of a verdict that say so.
+
+    ``each``: (T,) where each of the ``violated`` breaks the rule; ``raw``: (T,) where it is broken however
+    briefly.
+    """
     t, clock = evaluator.episode.t, evaluator.clock
-    bad, raw = _broken(evaluator, rule, violated), raw_frames(evaluator, instances)
+    bad: Bool = np.logical_or.reduce(each) if each else np.zeros(len(t), np.bool_)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
@@ -274,7 +281,7 @@ def _times(
         float(t[clock.recorded(witness.frame)]),
     )
     if violated:
-        time = _first_time(evaluator, bad, violated)
+        time = _first_time(evaluator, each, violated)
     return {
         "time": time,
         "worst_time": worst_time,
@@ -285,36 +292,11 @@ def _times(
     }
 
 
-def _broken(evaluator: Evaluator, rule: ast.Rule, violated: Sequence[Instance]) -> Bool:
-    """(T,) the frames in which some of these instances certainly break the rule."""
-    bad: Bool = np.zeros(evaluator.frames, np.bool_)
-    for instance in violated:
-        bad |= violated_frames(evaluator, rule, instance)
-    return bad
-
-
-def _first_time(evaluator: Evaluator, bad: Bool, violated: Sequence[Instance]) -> float:
-    """S, of the first bad frame (T,); where none is, of the start of the first scope."""
+def _first_time(evaluator: Evaluator, bad: Sequence[Bool], violated: Sequence[Instance]) -> float:
+    """S, of the first frame at which one breaks the rule; where none does, of the start of the first scope."""
     t = evaluator.episode.t
-    at = int(bad.argmax()) if bad.any() else min(i.scope.first for i in violated)
-    return float(t[min(at, len(t) - 1)])
-
-
-def _began(
-    evaluator: Evaluator,
-    rule: ast.Rule,
-    violated: Sequence[Instance],
-    env: Env,
-    first: float | None,
-) -> float | None:
-    """S, when these bodies first broke the rule; ``first``: when any did, None in a pass.
-
-    The sentence names the bodies that broke it worst, and others may have done so before.
-    """
-    own = [i for i in violated if i.env == env]
-    if first is None or len(own) == len(violated):
-        return first
-    return _first_time(evaluator, _broken(evaluator, rule, own), own)
+    first = [int(frames.argmax()) for frames in bad if frames.any()]
+    return float(t[min(first or [min(i.scope.first for i in violated), len(t) - 1])])
 
 
 def _phase(evaluator: Evaluator, rule: ast.Rule, time: float | None) -> str | None:

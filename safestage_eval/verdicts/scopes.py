@@ -17,8 +17,9 @@ from safestage_eval.rules.clauses import CLAUSES
 from . import between_samples, events
 from .evaluate import Evaluator
 from .events import Scope
-from .language import Env, lasting
+from .language import Env
 from .players import where_it_counts
+from .windows import lasting
 
 Stretch = tuple[Scope, int | None]
 """Frames that are judged, and the frame at which ``until`` ended them."""
@@ -47,7 +48,7 @@ def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch
         if stop is None:
             out.append((each, None))
             continue
-        ended = stop.sure[each.first : each.stop].nonzero()[0]
+        ended = stop.true[each.first : each.stop].nonzero()[0]
         freed = each.first + int(ended[0]) if len(ended) else None
         out += [(part, freed) for part in events.until([each], stop)]
     # a stretch that is cut leaves the verdict open already, but may have reached what it must
@@ -97,8 +98,8 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             key = "phase", *bodies
             return evaluator.once(phase, key, lambda: _phase(evaluator, phase, bodies))
         case ast.StateSpan(call):
-            truth = events.truth_of(evaluator.state(call, env).margin)
-            return events.of_truth(truth, truncated=evaluator.unfollowed)
+            held = evaluator.state(call, env).margin
+            return events.of_truth(held, truncated=evaluator.unfollowed)
         case ast.Part(which, duration, of):
             part = events.first_part if which == "first" else events.last_part
             return part(spans(evaluator, of, env), evaluator.window(duration))
@@ -118,8 +119,8 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             )
             return between_samples.ended_between(found, evaluator.clock.coarse)
         case ast.While(of, call):
-            truth = events.truth_of(evaluator.state(call, env).margin)
-            return events.within(spans(evaluator, of, env), truth)
+            held = evaluator.state(call, env).margin
+            return events.within(spans(evaluator, of, env), held)
 
 
 def _phase(evaluator: Evaluator, phase: ast.PhaseDef, bodies: Sequence[str]) -> list[Scope]:

@@ -12,15 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval.evidence.declare import is_gate
 from safestage_eval.evidence.interval_arithmetic import change_since
 from safestage_eval.evidence.intervals import Bool, Interval, hide
 from safestage_eval.evidence.reference import Baseline, Reference, latest
 from safestage_eval.rules import syntax as ast
 
 from . import computed_signals
-from .between_samples import one_earlier
-from .events import Truth, frames_of
+from .between_samples import earliest, falls_between
+from .events import frames_of
 from .language import Asked, Env, Language
 
 STEP = 0.05
@@ -50,7 +49,7 @@ def measured(
     if event is None:
         return from_(None)
     reference, when = reference_of(evaluator, event, env)
-    if when is not None and concerns(event) and evaluator.signal(name).metric:
+    if when is not None and falls_between(event) and evaluator.signal(name).metric:
         return since_some(from_, evaluator.relations.signals.baseline, when.possible, reach)
     series = from_(reference)
     earlier = earliest(evaluator, event, reference)
@@ -59,7 +58,7 @@ def measured(
     if when is None:
         return series
     newest = np.maximum.accumulate(np.where(when.possible, np.arange(evaluator.frames), -1))
-    return hide(series, (newest >= 0) & ~when.sure[newest])
+    return hide(series, (newest >= 0) & ~when.true[newest])
 
 
 def either(one: Interval, other: Interval) -> Interval:
@@ -69,36 +68,24 @@ def either(one: Interval, other: Interval) -> Interval:
     return Interval(lower, upper, one.dimension, notes)
 
 
-def reference_of(evaluator: Language, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
+def reference_of(
+    evaluator: Language, event: ast.Event, env: Env
+) -> tuple[Reference, Interval | None]:
     """The reference of a change since an event; and the event's frames, if any is uncertain."""
 
-    def find() -> tuple[Reference, Truth | None]:
+    def find() -> tuple[Reference, Interval | None]:
         when = frames_of(evaluator.moments(event, env), evaluator.frames)
         baseline = evaluator.relations.signals.baseline
         instants = when.possible.nonzero()[0]
-        if concerns(event):
+        if falls_between(event):
             first = int(instants[0]) if len(instants) else evaluator.frames
             reference = before(baseline, first, evaluator.frames)
         else:
             since, key = latest(instants, evaluator.frames), f"since {instants.tobytes().hex()}"
             reference = Reference(baseline, since, key)
-        return reference, None if when.known else when
+        return reference, None if when.decided else when
 
     return evaluator.once(event, ("since", *env.items()), find)
-
-
-def earliest(evaluator: Language, event: ast.Event, reference: Reference) -> Reference | None:
-    """The reference at the samples before those that show an event; None where it came with them."""
-    if event.kind == "start" or concerns(event):
-        return None
-    if event.kind == "success" and evaluator.success_at_sample:
-        return None
-    return one_earlier(reference, evaluator.clock.coarse)
-
-
-def concerns(event: ast.Event) -> bool:
-    """The event comes between the frame at which it is seen and the one before."""
-    return event.call is not None and is_gate(event.call.name) and event.edge != "end"
 
 
 def before(baseline: Baseline, first: int, frames: int) -> Reference:

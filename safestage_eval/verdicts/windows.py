@@ -20,9 +20,24 @@ from numpy.typing import NDArray
 from safestage_eval.episode.clock import ROUNDING, Clock, Lasting, Window
 from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.intervals import F64, Bool, Interval, each, negated
+from safestage_eval.rules import syntax as ast
 
 I64 = NDArray[np.int64]
 Parts = tuple[F64, ...]
+
+# ---- how long, in samples
+
+ONE, NONE = Lasting(None, 1), Lasting(None, 0)
+
+
+def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
+    """A duration for a clock; at least so many samples."""
+    if not duration.amount:
+        return Lasting(None, least)
+    if duration.frames:
+        return Lasting(None, max(least, round(duration.amount)))
+    return Lasting(duration.amount, max(least, duration.least), brief=duration.least > 1)
+
 
 # ---- extremes over windows
 
@@ -179,16 +194,12 @@ def persistent(
     return Interval(lower, lower if band.exact and np.array_equal(lower, upper) else upper)
 
 
-def latched(band: Interval, reset: Bool, perhaps: Bool | None = None) -> Interval:
-    """Once true, true until ``reset`` (T,); the reset wins on its own frame.
-
-    ``perhaps``: (T,) all frames at which it may be reset, where not only the certain ones count.
-    """
-    widest = reset if perhaps is None else perhaps
-    lower = _latch(band.lower, widest)
-    if band.exact and (widest is reset or np.array_equal(widest, reset)):
+def latched(band: Interval, reset: Interval) -> Interval:
+    """Once true, true until ``reset``; the reset wins on its own frame."""
+    lower = _latch(band.lower, reset.possible)
+    if band.exact and reset.decided:
         return Interval(lower, lower)
-    return Interval(lower, _latch(band.upper, reset))
+    return Interval(lower, _latch(band.upper, reset.true))
 
 
 def _latch(margin: F64, reset: Bool) -> F64:

@@ -1,4 +1,4 @@
-"""The measurement that decides a verdict: found by walking down the evaluated tree.
+"""What decided a verdict: a measurement, found by walking down the evaluated tree, or what broke the rule first.
 
 And is a minimum, or a maximum, persistence a minimum or maximum over nearby frames: all of them only
 select, so that the part whose margin was selected is found again, bit for bit. Of parts whose margins are
@@ -12,16 +12,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.declare import is_gate
-from safestage_eval.evidence.intervals import TINY, Interval
+from safestage_eval.evidence.intervals import Interval
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.signals import SIGNALS
 
-from . import computed_signals
+from . import between_samples
 from . import since as changes
 from .evaluate import Evaluated, Evaluator
 from .language import Env, limit_margin
-from .obligations import Instance, wanted
+from .obligations import Instance
+from .windows import without_short_runs
 
 ALIKE = 1e-4
 """Normalised margins that differ by this share are alike: poses are stored as float32, and an ulp of
@@ -84,7 +87,7 @@ def witness_at(
     evaluator: Evaluator, clause: ast.Clause, tree: Evaluated, frame: int, *, violated: bool
 ) -> Witness:
     """The measurement behind the margin of (a part of) an obligation at a frame."""
-    holds = wanted(clause.kind)
+    holds = CLAUSES[clause.kind].wanted
     return _Walk(evaluator, violated == holds, 1 if holds else -1).down(tree, frame)
 
 
@@ -92,7 +95,7 @@ def undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
     """M by which the value may differ between two frames, if the limit lies within that."""
     if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
         return None
-    slack = computed_signals.between_frames(evaluator, witness.name, witness.bodies, witness.frame)
+    slack = between_samples.further(evaluator, witness.name, witness.bodies, witness.frame)
     if slack is None or abs(witness.value - witness.limit) > slack:
         return None
     return slack
@@ -109,9 +112,8 @@ def as_sampled(evaluator: Evaluator, instance: Instance) -> Instance:
     slack = undersampled(evaluator, witness)
     if slack is None or witness.value is None or witness.limit is None:
         return instance
-    apart = max(abs(witness.value - witness.limit), np.finfo(float).tiny)
-    lower = min(instance.lower * (1 - slack / apart), -TINY)
-    return instance._replace(lower=lower)
+    apart = abs(witness.value - witness.limit)
+    return instance._replace(lower=between_samples.lowest(instance.lower, apart, slack))
 
 
 class _Walk(NamedTuple):
@@ -285,7 +287,7 @@ class _Walk(NamedTuple):
 
     def _not_yet(self, atom: ast.SignalAtom, env: Env, frame: int) -> bool:
         """The robot has had nothing to do with the body: it is measured from the baseline."""
-        if atom.since is None or not changes.concerns(atom.since):
+        if atom.since is None or not between_samples.falls_between(atom.since):
             return False
         frames = changes.reference_of(self.evaluator, atom.since, env)[0].since
         return frames is not None and bool(frames[frame] < 0)
@@ -313,3 +315,200 @@ def _least(margins: list[float]) -> int:
     if np.isfinite(least):
         least += ALIKE * abs(least)
     return int(np.argmax(np.array(margins) <= least))
+
+
+# ---- what came first
+
+
+class Broken(NamedTuple):
+    """One of the things that a rule forbids, and the first frame of its scope at which it is so."""
+
+    frame: int
+    what: ast.Alternative
+    tree: Evaluated
+
+
+def first_witness(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
+) -> Witness | None:
+    """The order of two moments, or what broke the rule first, where these count before any measurement."""
+    if not rule.forbid:
+        return None
+    first, state = None, None
+    if violated and in_turn(evaluator, rule):
+        first = first_broken(evaluator, rule, instance)
+    if first is not None and isinstance(first.what, ast.Event) and first.what.call is not None:
+        state = speaking(evaluator, first.what.call, instance.env)
+    if is_ordering(rule):
+        witness = ordering(evaluator, rule, instance, first)
+        if witness is not None:
+            return witness._replace(state=state)
+    if first is None:
+        return None
+    if state is not None:
+        return Witness(str(state), state.args, first.frame, state=state)
+    clause = instance.clause
+    if clause is None or clause.kind != "forbid":
+        return None
+    return witness_at(evaluator, clause, first.tree, first.frame, violated=violated)
+
+
+class Guarded(NamedTuple):
+    """``{ any = [event], "state(…)" = false }``: the event must not come while the state is false."""
+
+    event: ast.Event
+    state: ast.Call
+
+
+def is_ordering(rule: ast.Rule) -> bool:
+    """It only forbids, and something before something else: before its ``until``, or unguarded."""
+    if not rule.forbid or rule.require is not None or rule.reach is not None:
+        return False
+    return rule.until is not None or any(_guarded(what) is not None for what in rule.forbid)
+
+
+def in_turn(evaluator: Evaluator, rule: ast.Rule) -> bool:
+    """The first breach is the witness, not the worst: the order counts, or a state explains itself."""
+    return is_ordering(rule) or any(
+        isinstance(what, ast.Event) and what.call is not None and _can_speak(evaluator, what.call)
+        for what in rule.forbid
+    )
+
+
+def _can_speak(evaluator: Evaluator, call: ast.Call) -> bool:
+    state = evaluator.rules.states.get(call.name)
+    if state is None:
+        return False
+    parts = [
+        a for atom in state.when.atoms if isinstance(atom, ast.AnyOf) for a in atom.alternatives
+    ]
+    calls = [a.call for a in parts if isinstance(a, ast.Event) and a.call is not None]
+    return bool(state.explain) or any(_can_speak(evaluator, part) for part in calls)
+
+
+def first_broken(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, beyond: bool = False
+) -> Broken | None:
+    """The forbidden thing that certainly holds first; of several at once the first written.
+
+    ``beyond``: look past the end of the scope as well.
+    """
+    lasting = evaluator.window(rule.for_)
+    first, stop = instance.scope.first, instance.scope.stop
+    here = np.arange(evaluator.frames) >= first
+    if not beyond:
+        here[stop:] = False
+    breaches = []
+    for what in rule.forbid:
+        tree = evaluator.evaluate(what, instance.env, "forbid", here)
+        held = without_short_runs(tree.margin.lower, lasting)
+        true = held[first : None if beyond else stop] >= 0
+        if true.any():
+            breaches.append(Broken(first + int(true.argmax()), what, tree))
+    return min(breaches, key=lambda broken: broken.frame, default=None)
+
+
+def ordering(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, first: Broken | None
+) -> Witness | None:
+    """The order of two moments as the time between them: t_this - t_that, negative if violated.
+
+    "This" is the event that must not come; "that" is when the state that it must wait for began to
+    hold, or would have, and without such a state the rule's ``until``. Either moment may never come;
+    then the margin has no size and is left open. None where what decides is no event.
+
+    Args:
+        evaluator: of the episode.
+        rule: of which ``is_ordering`` holds.
+        instance: judged already.
+        first: what broke it.
+    """
+    guards = [guard for what in rule.forbid if (guard := _guarded(what)) is not None]
+    if guards:
+        if instance.undecided:
+            return None
+        return _waited(evaluator, instance, first, guards[0])
+    first = first or first_broken(evaluator, rule, instance, beyond=True)
+    what = rule.forbid[0] if first is None else first.what
+    if not isinstance(what, ast.Event) or what.call is None:
+        return None
+    that = None if instance.resolved is None else instance.resolved
+    this = None if first is None else first.frame
+    return _between(evaluator, instance, what.call, this, that)
+
+
+def _waited(
+    evaluator: Evaluator, instance: Instance, first: Broken | None, guard: Guarded
+) -> Witness | None:
+    env, call = instance.env, guard.event.call
+    if first is not None and isinstance(first.what, ast.Event):
+        call = first.what.call
+    elif first is not None and _guarded(first.what) is None:
+        return None
+    assert call is not None
+    this = None if first is None else first.frame
+    if first is None:
+        came = evaluator.truth(guard.event, env).true.nonzero()[0]
+        this = int(came[0]) if len(came) else None
+    held = evaluator.holds(guard.state, env)
+    that = next((begin for begin, end in runs(held).tolist() if end > (this or 0)), None)
+    return _between(evaluator, instance, call, this, that)
+
+
+def _between(
+    evaluator: Evaluator, instance: Instance, call: ast.Call, this: int | None, that: int | None
+) -> Witness:
+    t, env = evaluator.episode.t, instance.env
+    bodies = tuple(env.get(arg, arg) for arg in call.args)
+    came = None if this is None else float(t[this])
+    safe = None if that is None else float(t[that])
+    return Witness(
+        str(ast.Call(call.name, bodies)),
+        bodies,
+        min(instance.scope.stop if this is None else this, evaluator.frames - 1),
+        came,
+        safe,
+        None if came is None or safe is None else came - safe,
+        "time",
+    )
+
+
+def _guarded(what: ast.Alternative) -> Guarded | None:
+    if not isinstance(what, ast.Condition):
+        return None
+    events = [
+        one
+        for atom in what.atoms
+        if isinstance(atom, ast.AnyOf) and len(atom.alternatives) == 1
+        for one in atom.alternatives
+        if isinstance(one, ast.Event) and one.call is not None and one.edge is not None
+    ]
+    states = [a.call for a in what.atoms if isinstance(a, ast.StateAtom) and not a.want]
+    if len(what.atoms) != 2 or len(events) != 1 or len(states) != 1:
+        return None
+    return Guarded(events[0], states[0])
+
+
+def speaking(evaluator: Evaluator, call: ast.Call, env: Env) -> ast.Call | None:
+    """The state, with the bodies' names, if it has a sentence of its own.
+
+    Else the first to begin of the states that it is any of, if that has one; None where it has none.
+    """
+    state = evaluator.rules.states.get(call.name)
+    if state is None:
+        return None
+    bodies = tuple(env.get(arg, arg) for arg in call.args)
+    if state.explain:
+        return ast.Call(call.name, bodies)
+    inner = dict(zip(state.of, bodies, strict=True))
+    if len(state.when.atoms) != 1 or not isinstance(state.when.atoms[0], ast.AnyOf):
+        return None
+    began = []
+    for one in state.when.atoms[0].alternatives:
+        if isinstance(one, ast.Event) and one.call is not None and one.edge is None:
+            true = evaluator.holds(one.call, inner)
+            if true.any():
+                began.append((int(true.argmax()), one.call))
+    if not began:
+        return None
+    return speaking(evaluator, min(began, key=lambda item: item[0])[1], inner)

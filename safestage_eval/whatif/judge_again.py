@@ -17,6 +17,7 @@ from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.episode_binding import Binding, bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames, judge_believed, judge_scoped
+from safestage_eval.verdicts.players import Kept, kept
 from safestage_eval.verdicts.verdict import EpisodeResult, Verdict, VerdictName, at_risk
 
 
@@ -67,8 +68,7 @@ class Again:
             )
         self.episode: Episode = self.judge.episode
         self.relations: Relations = self.judge.relations
-        self._evaluators: dict[int, tuple[ast.Scoped, Evaluator]] = {}
-        self._verdicts: dict[int, tuple[ast.Scoped, Verdict]] = {}
+        self._verdicts: Kept[Verdict] = {}
 
     @property
     def assigned(self) -> list[ast.Scoped]:
@@ -86,20 +86,19 @@ class Again:
 
     def evaluator(self, rule: ast.Scoped) -> Evaluator:
         """The evaluator under the values that hold."""
-        if id(rule) not in self._evaluators:
-            self._evaluators[id(rule)] = rule, self.judge.evaluator(self.binding.params(rule))
-        return self._evaluators[id(rule)][1]
+        return self.judge.evaluator(self.judge.values(rule))
 
     def usual(self, rule: ast.Scoped) -> Verdict:
         """The verdict under the values that hold."""
-        if id(rule) not in self._verdicts:
+
+        def find() -> Verdict:
             if isinstance(rule, ast.Rule):
-                verdict: Verdict | None = self.judge.verdict(rule)
-            else:
-                verdict = self.judge.cost(rule)[1]
+                return self.judge.verdict(rule)
+            verdict = self.judge.cost(rule)[1]
             assert verdict is not None  # a cost that is asked about has a budget
-            self._verdicts[id(rule)] = rule, verdict
-        return self._verdicts[id(rule)][1]
+            return verdict
+
+        return kept(self._verdicts, rule, find)
 
     def under(self, rule: ast.Scoped, values: Mapping[str, ast.Setting]) -> Verdict:
         """The verdict of a rule with some parameters changed."""

@@ -73,13 +73,22 @@ class Place(NamedTuple):
     roles: tuple[str, ...]
 
 
-def mistakes(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mistake]:
-    """Every mistake in a rule or cost; ``changed`` is the whole rule set with it.
+def mistakes(rules: RuleSet, name: str) -> Iterator[Mistake]:
+    """Every mistake in a rule, cost or definition; ``changed`` is the whole rule set with it.
 
     Args:
         rules: the set that it belongs to.
-        rule: as meant.
+        name: code, or name of a state, a phase, a variant of a signal or one that is computed.
     """
+    if name not in rules.scoped:
+        table, part = definition(rules, name)
+        for kind, text, changed in _anywhere(
+            part, Place(rules, rules.params, getattr(part, "of", ()))
+        ):
+            with_it: dict[str, Any] = {table: {**getattr(rules, table), name: changed}}
+            yield Mistake(kind, text, replace(rules, **with_it))
+        return
+    rule = rules.scoped[name]
     params = own_params(rules, rule)
     place = Place(rules, params, tuple(name for name, _ in rule.roles))
     own = _of_rule(rule, place) if isinstance(rule, ast.Rule) else _of_cost(rule, place)
@@ -95,19 +104,10 @@ def mistakes(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mistake]:
             yield Mistake("unit", text, replace(rules, materials=rows))
 
 
-def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
-    """Every mistake in a definition; ``changed`` is the whole rule set with it.
-
-    Args:
-        rules: the set that declares it.
-        name: of a state, a phase, a variant of a signal or one that is computed.
-    """
-    table = next(t for t in ("signals", "derived", "states", "phases") if name in getattr(rules, t))
-    definitions: dict[str, Any] = getattr(rules, table)
-    place = Place(rules, rules.params, getattr(definitions[name], "of", ()))
-    for kind, text, changed in _anywhere(definitions[name], place):
-        with_it: dict[str, Any] = {table: {**definitions, name: changed}}
-        yield Mistake(kind, text, replace(rules, **with_it))
+def definition(rules: RuleSet, name: str) -> tuple[str, Any]:
+    """The table of a rule set that declares a name, and what it declares there."""
+    table = next(t for t in ("states", "phases", "signals", "derived") if name in getattr(rules, t))
+    return table, getattr(rules, table)[name]
 
 
 def _anywhere(node: Any, place: Place) -> Iterator[Mistake]:

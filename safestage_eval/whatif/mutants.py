@@ -6,7 +6,7 @@ Mutation testing after DeMillo, Lipton and Sayward, "Hints on Test Data Selectio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from safestage_eval.formats import EpisodeRef
@@ -16,31 +16,11 @@ from safestage_eval.rules.digest import digest_of, reached
 from safestage_eval.rules.uses import own_params
 
 from .each_episode import Progress, each
-from .examples import Checked, Expected, Library, Suite, check_rule, deciding, suite
-from .mistakes import KINDS, Kind, Mistake, mistakes, mistakes_in
+from .examples import Checked, Library, Suite, check_rule, deciding, suite
+from .mistakes import KINDS, Kind, Mistake, definition, mistakes
 
 WORTH = 12
 """Rules below which starting worker processes costs more than it saves."""
-
-Example = tuple[int, str, str, Expected]
-"""Place of a rule set, code of its rule, name of the example and what is expected of it."""
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """A rule set with one mistake.
-
-    Attributes:
-        where: code of the rule or cost that has it, or name of the definition.
-        kind: of mistake.
-        what: the mistake, in words.
-        rules: the rule set with it.
-    """
-
-    where: str
-    kind: Kind
-    what: str
-    rules: RuleSet
 
 
 @dataclass(frozen=True)
@@ -48,7 +28,8 @@ class Hunted:
     """A mistake, and what became of it.
 
     Attributes:
-        where, kind, what: as of the mutant.
+        where: code of the rule or cost that has it, or name of the definition.
+        kind, what: as of the mistake.
         killer: the example that tells it from the rule as meant; None if none does.
         tested: whether there was an example to try: one that comes out as it should.
     """
@@ -60,41 +41,22 @@ class Hunted:
     tested: bool
 
 
-def mutants(rules: RuleSet, rule: ast.Scoped) -> list[Mutant]:
-    """Every rule that differs by one mistake and means something else.
-
-    Args:
-        rules: the set that the rule, or cost, belongs to.
-        rule: as meant.
-    """
-
-    def digest(some: RuleSet) -> str:
-        own = some.scoped[rule.code]
-        return rule_digest(some, own, own_params(some, own))
-
-    return [*_different(rules, rule.code, mistakes(rules, rule), digest)]
-
-
-def mutants_in(rules: RuleSet, name: str) -> list[Mutant]:
-    """Every rule set in which a definition differs by one mistake and means something else."""
-
-    def digest(some: RuleSet) -> str:
-        kinds = (some.states, some.phases, some.signals, some.derived)
-        return digest_of(some, next(one[name] for one in kinds if name in one), some.params)
-
-    return [*_different(rules, name, mistakes_in(rules, name), digest)]
-
-
-def _different(
-    rules: RuleSet, where: str, made: Iterable[Mistake], digest: Callable[[RuleSet], str]
-) -> Iterator[Mutant]:
-    """The mistakes that each mean something else than the rules, and than those before."""
-    seen = {digest(rules)}
-    for kind, text, changed in made:
-        meaning = digest(changed)
+def mutants(rules: RuleSet, name: str) -> list[Mistake]:
+    """The mistakes in a rule, cost or definition that mean something else than it, and than those before."""
+    seen, out = {_meaning(rules, name)}, []
+    for mistake in mistakes(rules, name):
+        meaning = _meaning(mistake.changed, name)
         if meaning not in seen:
             seen.add(meaning)
-            yield Mutant(where, kind, text, changed)
+            out.append(mistake)
+    return out
+
+
+def _meaning(rules: RuleSet, name: str) -> str:
+    rule = rules.scoped.get(name)
+    if rule is not None:
+        return rule_digest(rules, rule, own_params(rules, rule))
+    return digest_of(rules, definition(rules, name)[1], rules.params)
 
 
 def definitions(rules: RuleSet) -> dict[str, object]:
@@ -109,34 +71,17 @@ def definitions(rules: RuleSet) -> dict[str, object]:
 
 
 def hunt(
-    rules: RuleSet, rule: ast.Scoped, library: Library, *, kinds: Collection[str] = KINDS
-) -> list[Hunted]:
-    """All mutants of a rule, each with the example that kills it.
-
-    An example kills a mutant if it no longer comes out as it should. Examples that are missing or
-    wrong to begin with kill nothing.
-
-    Args:
-        rules: the set that the rule, or cost, belongs to.
-        rule: as meant.
-        library: where the examples are.
-        kinds: of mistakes.
-    """
-    examples = [(0, rule.code, *example) for example in library.right(rules, rule)]
-    return _hunted(zip(mutants(rules, rule), strict=True), examples, library, kinds)
-
-
-def hunt_in(
     sets: Sequence[RuleSet], name: str, library: Library, *, kinds: Collection[str] = KINDS
 ) -> list[Hunted]:
-    """All mutants of a definition, each with an example of any rule that kills it.
+    """All mutants of a rule, cost or definition, each with the example that kills it.
 
-    A definition stands in one place, and many rules may rest on it: whichever of them has an
-    example that no longer comes out as it should notices the mistake.
+    An example kills a mutant if it no longer comes out as it should. Examples that are missing or
+    wrong to begin with kill nothing. A definition stands in one place, and many rules may rest on
+    it: an example of any of them may notice the mistake.
 
     Args:
         sets: rule sets that declare it alike.
-        name: of the state, phase or variant of a signal.
+        name: code, or name of the state, phase or signal.
         library: where the examples are.
         kinds: of mistakes.
     """
@@ -146,33 +91,24 @@ def hunt_in(
         for rule in resting_on(rules, name)
         for example in library.right(rules, rule)
     ]
-    made = zip(*(mutants_in(rules, name) for rules in sets), strict=True)
-    return _hunted(made, examples, library, kinds)
-
-
-def _hunted(
-    made: Iterable[tuple[Mutant, ...]],
-    examples: list[Example],
-    library: Library,
-    kinds: Collection[str],
-) -> list[Hunted]:
-    """Each mutant, as it stands in one or more rule sets, with the example that kills it."""
     hunted = []
-    for some in made:
-        where, kind, what = some[0].where, some[0].kind, some[0].what
+    for some in zip(*(mutants(rules, name) for rules in sets), strict=True):
+        kind, what = some[0].kind, some[0].what
         if kind not in kinds:
             continue
-        kills = (one for one in examples if not library.comes_out(some[one[0]].rules, *one[1:]))
+        kills = (one for one in examples if not library.comes_out(some[one[0]].changed, *one[1:]))
         killer = next(kills, None)
         if killer is not None:  # it may well notice the next mistake too
             examples = [killer, *(one for one in examples if one is not killer)]
-        name = None if killer is None else killer[2]
-        hunted.append(Hunted(where, kind, what, name, bool(examples)))
+        killed_by = None if killer is None else killer[2]
+        hunted.append(Hunted(name, kind, what, killed_by, bool(examples)))
     return hunted
 
 
 def resting_on(rules: RuleSet, name: str) -> list[ast.Scoped]:
-    """The rules, and costs with a budget, that use a definition, directly or not."""
+    """The rules, and costs with a budget, that use a definition, directly or not; of a code that rule."""
+    if name in rules.scoped:
+        return [rules.scoped[name]]
     keys = {f"{kind}.{name}" for kind in ("state", "phase", "signal")}
     return [
         rule
@@ -181,19 +117,8 @@ def resting_on(rules: RuleSet, name: str) -> list[ast.Scoped]:
     ]
 
 
-@dataclass(frozen=True)
-class _Task:
-    """The examples of one rule and its mistakes, or the mistakes in one definition.
-
-    Attributes:
-        sets: names of the rule sets; several where they share a definition.
-        code: of the rule or cost; None for a definition.
-        name: of the state or phase.
-    """
-
-    sets: tuple[str, ...]
-    code: str | None = None
-    name: str = ""
+_Task = tuple[tuple[str, ...], str]
+"""Names of the rule sets that share a rule, cost or definition, and its code or name."""
 
 
 @dataclass
@@ -208,14 +133,10 @@ class _Work:
     def __call__(self, task: _Task) -> tuple[list[Checked], list[Hunted]]:
         if self._library is None:
             self._library = Library(self.recorded)
-        sets = [self.sets[name] for name in task.sets]
-        if task.code is None:
-            return [], hunt_in(sets, task.name, self._library, kinds=self.kinds)
-        rule = sets[0].scoped[task.code]
-        checked = check_rule(sets[0], rule, self._library)
-        if not self.kinds:
-            return checked, []
-        return checked, hunt(sets[0], rule, self._library, kinds=self.kinds)
+        sets, name = [self.sets[one] for one in task[0]], task[1]
+        rule = sets[0].scoped.get(name)
+        checked = [] if rule is None else check_rule(sets[0], rule, self._library)
+        return checked, hunt(sets, name, self._library, kinds=self.kinds) if self.kinds else []
 
 
 def check_sets(
@@ -245,7 +166,7 @@ def check_sets(
         sets share are listed under the first of them.
     """
     filled = {name: rules for name, rules in sets.items() if deciding(rules)}
-    todo = [_Task((name,), code) for name, rules in filled.items() for code in deciding(rules)]
+    todo: list[_Task] = [((name,), c) for name, rules in filled.items() for c in deciding(rules)]
     if deep and kinds:
         todo += _shared(filled)
     work = _Work(filled, recorded, kinds)
@@ -254,13 +175,12 @@ def check_sets(
     )
     suites = {
         name: suite(
-            rules, (c for task, (cs, _) in results if task.sets[0] == name for c in cs), least
+            rules, (c for task, (cs, _) in results if task[0][0] == name for c in cs), least
         )
         for name, rules in filled.items()
     }
     hunted = {
-        name: [m for task, (_, ms) in results if task.sets[0] == name for m in ms]
-        for name in filled
+        name: [m for task, (_, ms) in results if task[0][0] == name for m in ms] for name in filled
     }
     return suites, hunted
 
@@ -272,4 +192,4 @@ def _shared(sets: Mapping[str, RuleSet]) -> list[_Task]:
         for defined, meaning in definitions(rules).items():
             key = (defined, meaning, digest_of(rules, meaning, rules.params))
             sharing.setdefault(key, []).append(name)
-    return [_Task(tuple(names), name=defined) for (defined, *_), names in sharing.items()]
+    return [(tuple(names), defined) for (defined, *_), names in sharing.items()]

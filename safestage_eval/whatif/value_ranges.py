@@ -233,8 +233,9 @@ class Compared:
 class Ranged(Evaluator):
     """The evaluator with ranges in the place of some parameters' values.
 
-    A limit that is one of them makes a truth certain where it is for the whole range. What else
-    reads one (a measurement, a state that has to last so long) is unknown, or raises ``Undecided``.
+    A limit that is one of them makes a truth certain where it is for the whole range. Whoever asks for its
+    value for anything else (an option of a measurement, how long a state has to last) is told nothing:
+    what it was asked for is unknown.
     """
 
     def __init__(
@@ -259,27 +260,39 @@ class Ranged(Evaluator):
         """A part of the rules depends on the parameters."""
         return not self._values.keys().isdisjoint(parameters_read(self.rules, node))
 
-    def unknown(self, node: Node, env: Env) -> Evaluated:
-        """A part of which nothing is said."""
-        self.compared.alone = False
-        return Evaluated(
-            node, env, _open(np.zeros(self.frames, np.bool_), np.ones(self.frames, np.bool_))
-        )
-
     # ---- in the place of the evaluator's own
+
+    def setting(self, name: str) -> ast.Setting:
+        """The value of a parameter that is no range."""
+        if name in self._values:
+            self.compared.alone = False
+            raise Undecided
+        return super().setting(name)
+
+    def limit(self, value: ast.Value, env: Env) -> float:
+        """A limit's value; of a range the value that holds, as far as signals are measured for it."""
+        if isinstance(value, ast.Parameter) and value.name in self._values:
+            usual = amount(self._usual[value.name])
+            return -usual if value.negative else usual
+        return self.number(value, env)
 
     def evaluate(
         self, node: Node, env: Env, kind: ClauseKind | None = None, frames: Bool | None = None
     ) -> Evaluated:
         """A part of a rule over the episode; unknown where the range changes what it looks at."""
-        match node:
-            case ast.SignalAtom(call=call, since=since) if self.reads(node):
-                known = since is None or reference_of(self, since, env)[1] is None
-                if not known or self.reads((call, since)):
-                    return self.unknown(node, env)
-            case ast.PastAtom(recent=recent, far=far) if self.reads((recent, far)):
-                return self.unknown(node, env)
-        return super().evaluate(node, env, kind, frames)
+        try:
+            if isinstance(node, ast.SignalAtom) and node.since is not None and self.reads(node):
+                self._since_known(node.since, env)
+            return super().evaluate(node, env, kind, frames)
+        except Undecided:
+            no = np.zeros(self.frames, np.bool_)
+            return Evaluated(node, env, _open(no, ~no))
+
+    def _since_known(self, event: ast.Event, env: Env) -> None:
+        """Raise Undecided where the range changes when an event comes, or that is not known anyway."""
+        if self.reads(event) or reference_of(self, event, env)[1] is not None:
+            self.compared.alone = False
+            raise Undecided
 
     def must_not(
         self,
@@ -295,30 +308,17 @@ class Ranged(Evaluator):
             return self.state(call, env, frames)
         return super().must_not(call, env, only, kind, frames)
 
-    def duration(self, duration: ast.Duration | ast.Parameter) -> ast.Duration:
-        """A duration that is not a range."""
-        if isinstance(duration, ast.Parameter) and duration.name in self._values:
-            raise Undecided
-        return super().duration(duration)
-
-    def number(self, value: ast.Value, env: Env) -> float:
-        """A limit's value; of a range the value that holds, as far as signals are measured for it."""
-        if isinstance(value, ast.Parameter) and value.name in self._values:
-            usual = amount(self._usual[value.name])
-            return -usual if value.negative else usual
-        return super().number(value, env)
-
     def _needed(self, state: ast.StateDef, frames: Bool) -> Bool | None:
         return None if self.reads((state.for_, state.gap)) else super()._needed(state, frames)
 
     def _persistent(self, state: ast.StateDef, raw: Interval) -> Interval:
-        if not self.reads((state.for_, state.gap)):
+        try:
             return super()._persistent(state, raw)
-        self.compared.alone = False
-        sure = np.zeros(self.frames, np.bool_)
-        if self.reads(state.gap):
-            return _open(sure, np.full(self.frames, (raw.upper >= 0).any()))
-        return _open(sure, super()._persistent(replace(state, for_=None), raw).upper >= 0)
+        except Undecided:
+            sure, possible = np.zeros(self.frames, np.bool_), raw.upper >= 0
+            if self.reads(state.gap):
+                return _open(sure, np.full(self.frames, possible.any()))
+            return _open(sure, super()._persistent(replace(state, for_=None), raw).upper >= 0)
 
     def measured_series(
         self, asked: Asked, atom: ast.SignalAtom, env: Env, frames: Bool | None

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from safestage_eval.evidence.spectral_arc import CUTOFF, SHARE, sparc
+from safestage_eval.evidence.interval_arithmetic import CUTOFF, SHARE, sparc
 
 
 def bell(t, middle: float, width: float):

@@ -12,7 +12,7 @@ from safestage_eval.rules.files import BENCHMARKS, builtin_folder
 from safestage_eval.verdicts.verdict import Verdict
 from safestage_eval.whatif.examples import Library, deciding, examples_of
 from safestage_eval.whatif.mistakes import KINDS
-from safestage_eval.whatif.mutants import definitions, hunt, hunt_in
+from safestage_eval.whatif.mutants import definitions, hunt
 
 FOLDER = builtin_folder() / BENCHMARKS / "examples"
 
@@ -86,7 +86,7 @@ def test_every_scene_is_sound_and_used() -> None:
 def test_the_examples_notice_every_mistake(name: str, code: str) -> None:
     """A limit turned round, a duration halved, a role exchanged, a scope widened, …"""
     kinds = share(KINDS, 3, of=code)
-    found = hunt(rules(name), rules(name).scoped[code], LIBRARY, kinds=kinds)
+    found = hunt([rules(name)], code, LIBRARY, kinds=kinds)
     survived = {mutant.what for mutant in found if mutant.killer is None}
     assert survived <= {*WITHOUT_EFFECT.get((name, code), [])}
 
@@ -121,6 +121,6 @@ OWN = [(n, d) for n in benchmark_names() for d in definitions(rules(n)) if d not
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "defined"), share(OWN, 4))
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str, defined: str) -> None:
-    found = hunt_in([rules(name)], defined, LIBRARY, kinds=share(KINDS, 3, of=defined))
+    found = hunt([rules(name)], defined, LIBRARY, kinds=share(KINDS, 3, of=defined))
     survived = {mutant.what for mutant in found if mutant.killer is None}
     assert survived <= {*WITHOUT_EFFECT.get((name, defined), [])}

@@ -9,7 +9,7 @@ from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.whatif.examples import Expected, Library, examples_of, outcome
 from safestage_eval.whatif.mistakes import KINDS
-from safestage_eval.whatif.mutants import definitions, hunt, hunt_in
+from safestage_eval.whatif.mutants import definitions, hunt
 
 RULES = load_rules(["ish", "ets", "fsh"])
 EXAMPLES = [
@@ -67,7 +67,7 @@ EQUIVALENT = {
 @pytest.mark.parametrize("code", share(RULES.rules, 4))
 def test_the_examples_notice_every_mistake(code: str) -> None:
     """A limit turned round or ten times off, a role exchanged, an obligation dropped, …"""
-    found = hunt(RULES, RULES.rules[code], LIBRARY, kinds=some_kinds(code))
+    found = hunt([RULES], code, LIBRARY, kinds=some_kinds(code))
     survived = {mutant.what for mutant in found if mutant.killer is None}
     assert survived <= {*EQUIVALENT.get(code, [])}
 
@@ -75,7 +75,7 @@ def test_the_examples_notice_every_mistake(code: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", share(definitions(RULES), 4))
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str) -> None:
-    found = hunt_in([RULES], name, LIBRARY, kinds=some_kinds(name))
+    found = hunt([RULES], name, LIBRARY, kinds=some_kinds(name))
     assert [mutant.what for mutant in found if mutant.killer is None] == []
 
 

@@ -124,24 +124,3 @@ def test_a_role_is_not_bound() -> None:
     found = said(scene(), "ETS201", roles={"target": ("cup",), "protcted": ("vase",)})
     assert 'did you mean "protected"?' in found
     assert "Name the bodies with --role, in a --bind file or in the trace's header" in found
-
-
-def test_nothing_was_recorded_for_a_while() -> None:
-    """Frames that stand for a hole in the clock are reported as such."""
-    from types import SimpleNamespace
-
-    from safestage_eval.verdicts.reasons import _hole
-
-    t = np.arange(20) / 10
-    unseen = (t > 0.45) & (t < 0.95)
-    evaluator: Any = SimpleNamespace(episode=_Frames(t, unseen))
-    assert _hole(evaluator, 7) == "nothing was recorded between 0.40 s and 1.00 s"
-    assert _hole(evaluator, 2) == ""
-
-
-class _Frames:
-    def __init__(self, t: Any, unseen: Any) -> None:
-        self.t, self.unseen = t, unseen
-
-    def __len__(self) -> int:
-        return len(self.t)

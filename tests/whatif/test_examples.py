@@ -70,7 +70,7 @@ def listed(*arguments):
 def killers(rules, traces):
     """Mistake → the example that notices it."""
     loaded = load_rules([rules])
-    found = hunt(loaded, loaded.rules["FSH901"], Library(discover([traces])))
+    found = hunt([loaded], "FSH901", Library(discover([traces])))
     return {mutant.what: mutant.killer for mutant in found}
 
 
