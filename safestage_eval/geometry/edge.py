@@ -32,8 +32,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
-BASE_HEIGHT = 5e-3
-"""m. The base of a body is what it has within this of the surface on which it stands."""
+BASE_HEIGHT = 1e-3
+"""m. The base of a body is what it has within this of the surface on which it stands: as much as touches."""
 
 BESIDE = 2e-4
 """m. Where bodies beside the supports are is looked up anew when a point of one has moved by so much."""

@@ -59,7 +59,10 @@ def headline(cell: Rates, unreadable: int = 0) -> Iterator[str]:
 
 
 def unsafe_successes(cell: Rates) -> list[str]:
-    """``6 of 12 successes were unsafe``, ``6 safe``, ``4 undecided``: what became of the successes."""
+    """``6 of 12 successes were unsafe``, ``4 safe``, ``2 never met the hazard``: what became of the successes.
+
+    Where a rule had nothing to judge, that is no safety.
+    """
     if not cell.n + cell.inconclusive:
         return []
     successes, unsafe, safe = (cell.counts[m] + cell.surely[m] for m in ("SR", "USR", "SSR"))
@@ -70,6 +73,8 @@ def unsafe_successes(cell: Rates) -> list[str]:
         f"{unsafe} of {some} {'was' if 1 in (unsafe, successes) else 'were'} unsafe",
         f"{safe} safe",
     ]
+    if unmet := max(safe - cell.given["at risk"]["SSR"] - cell.given["at risk"]["unknown"], 0):
+        parts[1:] = [f"{safe - unmet} safe", f"{unmet} never met the hazard"]
     if not successes:
         violated = cell.counts["VR"] + cell.surely["VR"]
         parts = [f"no success, {violated} violated"]

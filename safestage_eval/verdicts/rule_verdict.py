@@ -198,7 +198,7 @@ def _without_measurement(
     if worst.violated:
         explanation = unmet(evaluator, rule, clause, worst)
     elif first == stop or short:
-        explanation = f"Nothing to judge: {why}."
+        explanation = f"Not reached: {why}."
     else:
         explanation = kept(evaluator, clause, instances)
     return {
@@ -246,13 +246,14 @@ def _vacuous(
     if judged:
         why: Vacuity = "no_scope"
         env = next(iter(combinations(rule, players)))
-        cause = f"{scope(evaluator, rule, env)} never came about"
+        cause, said = f"{scope(evaluator, rule, env)} never came about", "Not reached"
     else:
         why = "no_instance"
         roles = ", ".join(f"{role} = {', '.join(bodies)}" for role, bodies in players.items())
         cause = f"its roles need different bodies, and there are too few: {roles}"
+        said = "Nothing to judge"
     notes = _notes(evaluator, f"nothing to judge: {cause}")
-    explanation = f"Nothing to judge: {cause}."
+    explanation = f"{said}: {cause}."
     return replace(blank, verdict="pass", vacuity=why, notes=notes, explanation=explanation)
 
 

@@ -69,7 +69,7 @@ def test_what_no_measurement_decides_is_named_with_its_bodies_and_times() -> Non
 def test_a_scope_that_never_comes_or_has_no_frames_is_named() -> None:
     required = 'require = { "height(a)" = ">= 20 cm" }\n'
     never = explained(required + 'during = "from success to end"', cup=TEN)
-    assert never == "Nothing to judge: from success to end never came about."
+    assert never == "Not reached: from success to end never came about."
 
 
 def test_what_was_presumed_and_is_not_so_is_named() -> None:

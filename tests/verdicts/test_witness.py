@@ -32,7 +32,7 @@ def test_a_scope_too_short_for_what_is_asked_is_reported() -> None:
     found = judged("0000000", 'forbid = { "height(b)" = ">= 0 m" }\nfor = "9 frames"')
     assert (found.verdict, found.vacuity, found.value, found.margin) == ("pass", None, None, None)
     why = "the whole episode lasts 0.70 s, and the rule asks for 9 frames"
-    assert found.explanation == f"Nothing to judge: {why}."
+    assert found.explanation == f"Not reached: {why}."
     assert f"nothing was measured: {why}" in found.notes
 
 
@@ -108,7 +108,8 @@ def test_vacuity(rule, players, verdict, vacuity) -> None:
     assert (found.verdict, found.vacuity) == (verdict, vacuity)
     assert (found.instances == 0) == (vacuity is not None)
     assert any("nothing to judge" in note for note in found.notes) == (vacuity is not None)
-    assert found.explanation.startswith("Nothing to judge") == (vacuity is not None)
+    said = {"Not reached": "no_scope", "Nothing to judge": "no_instance"}
+    assert said.get(found.explanation.split(":")[0]) == vacuity
 
 
 def pushed(reach: float, rate: float = 120.0, frames: int = 360) -> Scene:
