@@ -3,8 +3,10 @@
 A check is one function under ``@check`` in a file of ``checks/``; nothing else lists it.
 """
 
+from safestage_eval.doubts.registry import CHECKS, Check, check
+
 from .audit import Audit, audit
-from .audit_check import CHECKS, Check, check, choose
+from .choose import choose
 from .finding import Defect, Finding, Place, Severity
 
 __all__ = [

@@ -7,8 +7,8 @@ from multiprocessing.connection import Connection
 from safestage_eval.run.settings import Settings
 from safestage_eval.run.worker import serve
 
-from .audit_check import choose
 from .audit_episode import audit_episode
+from .choose import choose
 
 
 def work(pipe: Connection, settings: Settings, *, codes: tuple[str, ...], **_: object) -> None:
