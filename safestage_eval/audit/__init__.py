@@ -3,7 +3,7 @@
 A check is one function under ``@check`` in a file of ``checks/``; nothing else lists it.
 """
 
-from safestage_eval.doubts.registry import CHECKS, Check, check
+from safestage_eval.doubts.check_registry import CHECKS, Check, check
 
 from .audit import Audit, audit
 from .choose import choose

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from safestage_eval._process.spawned import WORTH_A_POOL
-from safestage_eval.doubts.registry import SEVERITIES, Check, Severity
+from safestage_eval.doubts.check_registry import SEVERITIES, Check, Severity
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
 from safestage_eval.formats.episode_filter import Selection

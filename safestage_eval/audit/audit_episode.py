@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from safestage_eval._process.within import within_limits
-from safestage_eval.doubts.registry import Check
+from safestage_eval.doubts.check_registry import Check
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import BindFile, RuleSet

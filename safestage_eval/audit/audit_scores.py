@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from safestage_eval._text.plural import count
-from safestage_eval.doubts.registry import Check
+from safestage_eval.doubts.check_registry import Check
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
 from safestage_eval.rules import BindFile, RuleSet

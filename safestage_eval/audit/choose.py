@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from safestage_eval.doubts.registry import CHECKS, Check
+from safestage_eval.doubts.check_registry import CHECKS, Check
 from safestage_eval.errors import InputError, did_you_mean
 
 

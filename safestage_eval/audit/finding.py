@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from safestage_eval.doubts.registry import Severity
+from safestage_eval.doubts.check_registry import Severity
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 from safestage_eval.episode.contradiction import POSES, ContradictionError, doubt
 from safestage_eval.episode.scene_shapes import volume
 
+from .check_registry import check
 from .columns import Columns
-from .registry import check
 
 DENSITY = (1.0, 50_000.0)
 """kg/m³; foam has 15, osmium 22,600, and shapes are rough."""

@@ -13,9 +13,9 @@ from safestage_eval.episode.contradiction import POSES, ContradictionError, doub
 from safestage_eval.episode.rounding import most_off
 from safestage_eval.episode.scene_shapes import BodyShapes
 
+from .check_registry import check
 from .column_comparisons import distances, surface_distances
 from .columns import Columns
-from .registry import check
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

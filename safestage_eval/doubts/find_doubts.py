@@ -16,8 +16,8 @@ from . import (  # noqa: F401 — they declare the checks
     motion_doubts,
     weight_doubts,
 )
+from .check_registry import CHECKS
 from .columns import AtHand, Columns
-from .registry import CHECKS
 
 
 def contradictions(episode: Episode, at_hand: AtHand | None = None) -> Iterator[ContradictionError]:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from safestage_eval.episode.contradiction import ContradictionError, doubt
 
+from .check_registry import check
 from .columns import Columns
-from .registry import check
 
 GRAVITY = (1.0, 30.0)
 """m/s²; the Moon has 1.6, Jupiter 24.8."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from safestage_eval.episode.contradiction import ContradictionError, doubt
 from safestage_eval.episode.rounding import most_off
 
+from .check_registry import check
 from .columns import Columns
 from .motion_doubts import DIFFERS, LEAST, LONGEST
-from .registry import check
 
 
 @check(

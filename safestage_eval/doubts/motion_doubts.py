@@ -12,9 +12,9 @@ from safestage_eval.episode import Body
 from safestage_eval.episode.contradiction import POSES, Column, ContradictionError, doubt
 from safestage_eval.episode.rounding import most_off
 
+from .check_registry import check
 from .column_comparisons import compare_motion, longest_step
 from .columns import Columns
-from .registry import check
 
 F32 = NDArray[np.float32]
 

@@ -11,10 +11,10 @@ from safestage_eval.episode import Body
 from safestage_eval.episode.contradiction import POSES, ContradictionError, doubt
 from safestage_eval.episode.rounding import most_off
 
+from .check_registry import check
 from .column_comparisons import add_forces, while_at_rest, while_untouched
 from .columns import Array, Columns
 from .contact_doubts import CAUSES, EVERY
-from .registry import check
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

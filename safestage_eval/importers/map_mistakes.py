@@ -18,7 +18,7 @@ from safestage_eval.audit.finding import Finding
 from safestage_eval.audit.repair import REPAIRS, Mend, columns
 from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import Check
+from safestage_eval.doubts.check_registry import Check
 from safestage_eval.episode import Episode, Track
 from safestage_eval.rules import RuleSet, builtin_names, load_rules
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from safestage_eval.doubts import contradictions
 from safestage_eval.episode import Body, Episode, Header, Track
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import ROBOT, Start, start_of
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
 from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.group_clearance import clearance_series

@@ -9,7 +9,7 @@ import numpy as np
 from safestage_eval._text.plural import first_few
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import also, check
+from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import body_shapes
 

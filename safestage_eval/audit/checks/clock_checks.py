@@ -8,7 +8,7 @@ import numpy as np
 
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject, defect_of
-from safestage_eval.doubts.registry import also, check
+from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode.clock import LONGEST_GAP, longest_spacing
 from safestage_eval.episode.seen import LATE
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from safestage_eval.audit.campaign_groups import ids, label, policies
 from safestage_eval.audit.campaign_summary import MOVED, Campaign
 from safestage_eval.audit.finding import Defect
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 
 SEVERAL = 3
 """Rollouts from which on a policy can be called idle."""

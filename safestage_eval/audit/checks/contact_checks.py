@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 
 PULLS = 0.2
 """Share of the forces that may pull: solvers with soft contacts let a few."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject, defect_of
-from safestage_eval.doubts.registry import also, check
+from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode.clock import MAX_GAP
 from safestage_eval.evidence.motion import com_position
 

@@ -11,7 +11,7 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.quaternion_order import standing_otherwise, turning_otherwise
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.missing_values import POSE, TWIST

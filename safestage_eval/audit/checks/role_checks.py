@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.errors import nearest
 
 TAGS = frozenset(

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from safestage_eval._text.plural import first_few
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import BY_ROLES

@@ -10,7 +10,7 @@ from safestage_eval._text.plural import count, first_few
 from safestage_eval.audit.campaign_groups import groups, ids, label, policies
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.metrics.interval import wilson
 
 POINT = 0.01

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import ROBOT, Start, start_of
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.rules import RuleSet

@@ -8,7 +8,7 @@ from safestage_eval._text.plural import first_few
 from safestage_eval.audit.campaign_groups import OTHER, alike, apart, groups, ids, label
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 
 
 @check(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from safestage_eval.audit.campaign_groups import ids
 from safestage_eval.audit.campaign_summary import Campaign, Summary
 from safestage_eval.audit.finding import Defect
-from safestage_eval.doubts.registry import check
+from safestage_eval.doubts.check_registry import check
 
 APART = 0.1
 """s between recorded and recomputed success that nobody minds."""
