@@ -3,9 +3,11 @@
 A check is one function under ``@check`` in a file of ``checks/``; nothing else lists it.
 """
 
+from safestage_eval.doubts.check_registry import CHECKS, Check, Severity, check
+
 from .audit import Audit, audit
-from .audit_check import CHECKS, Check, check, choose
-from .finding import Defect, Finding, Place, Severity
+from .choose import choose
+from .finding import Defect, Finding, Place
 
 __all__ = [
     "CHECKS",

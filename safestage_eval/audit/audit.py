@@ -10,16 +10,17 @@ from pathlib import Path
 from typing import Any, cast
 
 from safestage_eval._process.children import WORTH_A_POOL
+from safestage_eval.doubts.check_registry import SEVERITIES, Check, Severity
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
 from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.run.settings import Settings, load_settings
 from safestage_eval.verdicts.problem import Problem
 
-from .audit_check import Check, choose
 from .audit_episode import Audited, audit_episode, finding_of
 from .campaign_summary import Campaign
-from .finding import SEVERITIES, Finding, Severity
+from .choose import choose
+from .finding import Finding
 
 Tell = Callable[[int, int | None], None]
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from safestage_eval._process.within import within_limits
+from safestage_eval.doubts.check_registry import Check
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import BindFile, RuleSet
 from safestage_eval.verdicts.problem import Problem
 
-from .audit_check import Check
 from .campaign_summary import Summary, summarize
 from .finding import Defect, Finding, Place
 from .subject import Subject
@@ -55,9 +55,7 @@ def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> 
     explained: dict[str, list[tuple[str, ...]]] = {}
     findings = []
     for check in checks:
-        if check.over != "episode":
-            continue
-        for defect in check.run(subject):
+        for defect in _defects(check, subject):
             if any(
                 not bodies or not defect.bodies or set(bodies) & set(defect.bodies)
                 for code in check.unless
@@ -67,6 +65,14 @@ def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> 
             explained.setdefault(check.code, []).append(defect.bodies)
             findings.append(finding_of(check, defect, subject.header.episode_id, path))
     return findings
+
+
+def _defects(check: Check, subject: Subject) -> Iterator[Defect]:
+    """What a check finds in one episode; of columns what its diagnosis says."""
+    if check.over != "campaign":
+        yield from subject.explained(check.code) if check.over == "columns" else check.run(subject)
+        for run in check.more:
+            yield from run(subject)
 
 
 def finding_of(check: Check, defect: Defect, episode: str = "", path: str = "") -> Finding:

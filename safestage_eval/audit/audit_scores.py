@@ -7,6 +7,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from safestage_eval._text.plural import count
+from safestage_eval.doubts.check_registry import Check
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
 from safestage_eval.rules import BindFile, RuleSet
@@ -15,9 +16,9 @@ from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts.verdict import EpisodeResult, Verdict
 
 from .audit import Audit, audit_campaign
-from .audit_check import Check, choose
 from .audit_episode import check_subject
 from .campaign_summary import Campaign, Summary, summarize
+from .choose import choose
 from .diagnosis import Diagnosis
 from .finding import Finding, Place
 from .subject import Subject

@@ -9,8 +9,8 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.run.settings import Settings
 from safestage_eval.run.worker import lasting
 
-from .audit_check import choose
 from .audit_episode import audit_episode
+from .choose import choose
 
 
 def opened(settings: Settings, codes: tuple[str, ...]) -> Callable[[EpisodeRef], Any]:

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from safestage_eval.doubts import Whole, contradictions
+from safestage_eval.doubts.column_comparisons import compare_motion
+from safestage_eval.doubts.motion_doubts import LEAST, LONGEST, PAIRS, WINDOW
 from safestage_eval.episode import Episode
-from safestage_eval.episode.column_comparisons import compare_motion
 from safestage_eval.episode.contradiction import ContradictionError
-from safestage_eval.episode.contradictions import PAIRS, Whole, contradictions
-from safestage_eval.episode.motion_invariants import LEAST, LONGEST, WINDOW
 
 from .repair import REPAIRS, Repair
 
@@ -59,8 +59,8 @@ def diagnose(episode: Episode, errors: Sequence[ContradictionError]) -> Diagnosi
         rest = _residual(mended, suspects)
         if len(left) > LEFT * len(errors) or (best and (len(left), rest) >= best[:2]):
             continue
-        still = {(error.kind, error.bodies) for error in left}
-        first = next(e for e in errors if (e.kind, e.bodies) not in still)
+        still = {(error.code, error.bodies) for error in left}
+        first = next(e for e in errors if (e.code, e.bodies) not in still)
         best = (
             len(left),
             rest,
@@ -112,8 +112,8 @@ def _candidates(
     errors: Sequence[ContradictionError], named: Counter[str], suspects: Sequence[str]
 ) -> Iterator[tuple[Repair, tuple[str, ...]]]:
     """Repairs that fit the contradictions, of some bodies or (empty) of all."""
-    kinds = {error.kind for error in errors}
-    likely = [repair for repair in REPAIRS if kinds & repair.kinds]
+    codes = {error.code for error in errors}
+    likely = [repair for repair in REPAIRS if codes & repair.codes]
     alone = len(named) <= 1 or (bool(named) and named.most_common(1)[0][1] == len(errors))
     several: list[tuple[Repair, tuple[str, ...]]] = [(repair, ()) for repair in likely]
     single = [(repair, (name,)) for name in suspects for repair in likely if not repair.whole]

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.doubts.column_comparisons import turns
 from safestage_eval.episode import Body, Episode
-from safestage_eval.episode.column_comparisons import turns
 from safestage_eval.episode.scene_shapes import (
     CAPSULE,
     CYLINDER,

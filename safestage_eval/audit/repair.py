@@ -15,9 +15,9 @@ from safestage_eval.geometry.pose import conjugate, product, rotate
 Array = NDArray[Any]
 Mend = Callable[[Episode, Collection[str]], Episode]
 
-MOTION = frozenset({"position velocity", "orientation velocity", "jump"})
-PLACES = frozenset({"apart", "surface", "floor"})
-WEIGHTS = frozenset({"bears", "presses", "aside", "floats"})
+MOTION = frozenset({"AUD114", "AUD115"})
+PLACES = frozenset({"AUD116", "AUD121"})
+WEIGHTS = frozenset({"AUD123", "AUD127"})
 
 Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 """wxyz; turns y into z."""
@@ -49,7 +49,7 @@ class Repair:
         cause: the mistake, as the end of "it looks as if …".
         fix: what to do about it.
         field: the column that it is in.
-        kinds: of contradictions (``ContradictionError.kind``) that it may explain.
+        codes: of the checks whose contradictions it may explain.
         whole: it concerns the whole recording, never some of its bodies.
         mend: the episode with the mistake undone, for bodies of these names.
     """
@@ -58,7 +58,7 @@ class Repair:
     cause: str
     fix: str
     field: str
-    kinds: frozenset[str]
+    codes: frozenset[str]
     mend: Mend
     whole: bool = False
 
@@ -278,7 +278,7 @@ def _repairs() -> Iterator[Repair]:
                 "AUD101", f"all lengths are in {unit}{of}",
                 f"multiply all lengths by {by:g} when writing: places, linear velocities, shapes, "
                 "contact points and depths", "bodies.position",
-                MOTION | PLACES | WEIGHTS | {"mass", "inertia", "cavity", "tool", "depth", "gravity"},
+                MOTION | PLACES | WEIGHTS | {"AUD117", "AUD122", "AUD131", "AUD133", "AUD134"},
                 _everything(by, gravity), whole=True,
             )  # fmt: skip
     order = "write quaternions as w, x, y, z"
@@ -330,12 +330,12 @@ def _repairs() -> Iterator[Repair]:
     for by, unit in LENGTHS.items():
         yield Repair(
             "AUD131", f"its shapes are in {unit}", f"multiply sizes and places of geoms by {by:g}",
-            "bodies.geoms", PLACES | {"mass", "inertia", "cavity"}, _shapes(by),
+            "bodies.geoms", PLACES | {"AUD131", "AUD133", "AUD134"}, _shapes(by),
         )  # fmt: skip
     for by, unit in MASSES.items():
         yield Repair(
             "AUD132", f"its mass is in {unit}", f"multiply the mass by {by:g}", "bodies.mass",
-            WEIGHTS | {"mass", "inertia"}, _masses(by),
+            WEIGHTS | {"AUD131", "AUD133"}, _masses(by),
         )  # fmt: skip
     for by, unit in FORCES.items():
         yield Repair(
@@ -353,11 +353,11 @@ def _repairs() -> Iterator[Repair]:
     for by, unit in LENGTHS.items():
         yield Repair(
             "AUD121", f"contact points are in {unit}", f"multiply contact points by {by:g}",
-            "contacts.position", frozenset({"surface"}), _points(by), whole=True,
+            "contacts.position", frozenset({"AUD121"}), _points(by), whole=True,
         )  # fmt: skip
     yield Repair(
         "AUD121", "contact points are in the frame of the body", "write contact points in the world",
-        "contacts.position", frozenset({"surface"}), _points_from_body,
+        "contacts.position", frozenset({"AUD121"}), _points_from_body,
     )  # fmt: skip
     for by, unit in ((60.0, "minutes"), (1e3, "kiloseconds"), (0.1, "tenths of a second"),
                      (1e-3, "milliseconds")):  # fmt: skip

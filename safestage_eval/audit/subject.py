@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.doubts import contradictions
 from safestage_eval.episode import (
     Body,
     Episode,
@@ -19,14 +20,8 @@ from safestage_eval.episode import (
     check_time,
     with_holes,
 )
-from safestage_eval.episode.body_invariants import (
-    check_ending,
-    check_names,
-    check_steps_of_time,
-)
 from safestage_eval.episode.clock_invariants import check_clock
 from safestage_eval.episode.contradiction import ContradictionError
-from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import InputError, RuleError, TraceError
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
@@ -96,19 +91,18 @@ class Subject:
         return check(self.episode)
 
     @cached_property
-    def header_errors(self) -> list[ContradictionError]:
+    def _header_errors(self) -> list[ContradictionError]:
         """Contradictions in header and time stamps; no other data are read for them."""
         header, t, where = self.header, self.episode.t, self.header.episode_id
         errors: list[TraceError] = [
             *check_header(header, where, shapes=False), *check_time(t, where),
-            *check_clock(header, t, where), *check_steps_of_time(header, where),
-            *check_ending(header, where), *check_names(header, where),
+            *check_clock(header, t, where),
         ]  # fmt: skip
         return [error for error in errors if isinstance(error, ContradictionError)]
 
-    def of_kind(self, *kinds: str) -> list[ContradictionError]:
-        """Those of header and time stamps that are of some kinds."""
-        return [error for error in self.header_errors if error.kind in kinds]
+    def of_code(self, code: str) -> list[ContradictionError]:
+        """Those of header and time stamps that a check reports."""
+        return [error for error in self._header_errors if error.code == code]
 
     @cached_property
     def readable(self) -> bool:
@@ -121,7 +115,7 @@ class Subject:
         return [
             error
             for error in self.broken
-            if not isinstance(error, ContradictionError) or error.kind in ("order", "norm")
+            if not isinstance(error, ContradictionError) or error.code == "AUD100"
         ]
 
     @cached_property
@@ -138,11 +132,8 @@ class Subject:
         diagnosis = self.diagnosis
         return self.readable and diagnosis.repair is None and not diagnosis.left
 
-    def explained(self, code: str, *kinds: str) -> Iterator[Defect]:
-        """The part of the diagnosis that a check reports: a cause, and contradictions left unexplained.
-
-        ``kinds``: those of contradictions that the check is about.
-        """
+    def explained(self, code: str) -> Iterator[Defect]:
+        """The part of the diagnosis that a check reports: a cause, and contradictions left unexplained."""
         diagnosis = self.diagnosis
         if (
             diagnosis.repair is not None
@@ -161,7 +152,7 @@ class Subject:
                 field=repair.field,
                 time=first.time,
             )
-        left = [error for error in diagnosis.left if error.kind in kinds]
+        left = [error for error in diagnosis.left if error.code == code]
         if left:
             yield defect_of(left)
 

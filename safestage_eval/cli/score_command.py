@@ -257,7 +257,7 @@ def _messages(scores: Scores, audit: Audit | None, by_audit: str, *, in_table: b
     ``by_audit``: the command that names the causes.
     """
     from safestage_eval.audit.audit_scores import in_one_line
-    from safestage_eval.episode.doubtful_columns import doubtful_columns
+    from safestage_eval.doubts.doubtful_columns import doubtful_columns
     from safestage_eval.report import results_text
 
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
@@ -279,8 +279,7 @@ def _messages(scores: Scores, audit: Audit | None, by_audit: str, *, in_table: b
         many = Counter(column for columns in doubtful for column in columns)
         said = ", ".join(f"{column} {number}" for column, number in many.most_common())
         say(
-            f"{count(len(doubtful), 'episode')} with doubtful columns, which are not used ({said}): "
-            f"{by_audit} names the likely cause",
+            f"{count(len(doubtful), 'episode')} with doubtful columns ({said}): {by_audit}",
             err=True,
         )
 

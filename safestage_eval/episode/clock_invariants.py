@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .contradiction import ContradictionError, contradiction
+from .contradiction import ContradictionError, doubt
 from .header import Header
 
 RATE_TOLERANCE = 0.10
@@ -25,7 +25,9 @@ RATIOS = {
 """Spacing over ``frame_dt`` → the likely mistake, and how to mend it."""
 
 
-def _cause(ratio: float) -> str:
+def _cause(ratio: float, product: float) -> str:
+    if abs(product - 1) <= RATE_TOLERANCE:
+        return "frame_dt is a rate in Hz: write the time between two samples"
     near = (says for by, says in RATIOS.items() if abs(ratio / by - 1) <= RATE_TOLERANCE)
     usual = "write the rate at which the episode was recorded, or the stamps at which it was"
     return next(near, usual)
@@ -42,33 +44,30 @@ def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[
         median = float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]) / 2
         if median > 0 and not abs(header.frame_dt - median) <= RATE_TOLERANCE * median:
             ratio = median / header.frame_dt if header.frame_dt > 0 else 0.0
-            yield contradiction(
-                "frame_dt",
-                (),
-                where,
+            yield doubt(
                 f"frame_dt is {header.frame_dt:.6g} s, but the samples are {median:.6g} s apart "
                 "(median).",
                 f"frame_dt within {RATE_TOLERANCE:.0%} of the spacing of the time stamps",
-                _cause(ratio),
+                _cause(ratio, header.frame_dt * median),
+                where=where,
+                code="AUD103",
             )
     time = header.success_time
     if time is None:
         return
     if header.success is False:
-        yield contradiction(
-            "ending",
-            (),
-            where,
+        yield doubt(
             f"success is false, and yet success_time is {time:.6g} s.",
             "success = true with a time, or no success_time",
             "correct the header: verdicts on what was left behind hang on it",
+            where=where,
+            code="AUD108",
         )
     if len(t) and time < t[0] - 1e-6:
-        yield contradiction(
-            "origin",
-            (),
-            where,
+        yield doubt(
             f"success_time is {time:.6g} s, before the first sample at {t[0]:.6g} s.",
             "a time stamp of the episode, or later where the recording was cut off",
             "count success_time from the same start as the time stamps",
+            where=where,
+            code="AUD106",
         )

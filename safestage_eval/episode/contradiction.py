@@ -21,29 +21,30 @@ class ContradictionError(TraceError):
     """A contradiction within a trace, and its subject.
 
     Attributes:
-        kind: which comparison failed: ``velocity``, ``surface``, ``bears``, …
+        code: of the check that found it: ``AUD115``.
         bodies: names of the bodies or joints that were compared; empty for the header alone.
         time: s, when; None where it holds throughout.
         hides: columns of these bodies that cannot be believed then; empty: the whole recording cannot.
     """
 
-    kind: str = ""
+    code: str = ""
     bodies: tuple[str, ...] = ()
     time: float | None = None
     hides: tuple[Column, ...] = ()
 
 
-def contradiction(
-    kind: str,
-    bodies: tuple[str, ...],
-    where: str,
+def doubt(
     what: str,
     allowed: str = "",
     fix: str = "",
+    *,
+    bodies: tuple[str, ...] = (),
     time: float | None = None,
     hides: tuple[Column, ...] = (),
+    code: str = "",
+    where: str = "",
 ) -> ContradictionError:
-    """A contradiction of a kind; the other arguments as in ``InputError``."""
+    """A contradiction; whoever runs the check that yields it adds where it is and the code."""
     return ContradictionError(
-        where, what, allowed, fix, kind, bodies, None if time is None else float(time), hides
+        where, what, allowed, fix, code, bodies, None if time is None else float(time), hides
     )

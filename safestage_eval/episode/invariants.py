@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import TraceError
 
 from .clock_invariants import check_clock
-from .contradiction import contradiction
+from .contradiction import doubt
 from .header import SCHEMA_VERSION
 from .rounding import most_off
 from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_cameras, check_joints
@@ -89,28 +89,26 @@ def check_header(header: Header, where: str, *, shapes: bool = True) -> Iterator
     for role, players in header.roles.items():
         for player in players:
             if player not in names and player not in joints:
-                yield contradiction(
-                    "role",
-                    (player,),
-                    where,
+                yield doubt(
                     f"role {role!r} names {player!r}, which is no body and no joint",
                     ", ".join(names),
+                    bodies=(player,),
+                    where=where,
+                    code="AUD151",
                 )
     for step in ("physics_dt", "frame_dt", "control_dt"):
         value = getattr(header, step)
         if value is not None and not (np.isfinite(value) and value > 0):
-            yield contradiction(
-                "steps", (), where, f"{step} is {value}", "a positive number of seconds"
-            )
+            what = f"{step} is {value}"
+            yield doubt(what, "a positive number of seconds", where=where, code="AUD107")
     x, y, z = header.gravity
     if not (np.isfinite(header.gravity).all() and z < 0 and np.hypot(x, y) <= LEVEL * -z):
-        yield contradiction(
-            "up",
-            (),
-            where,
+        yield doubt(
             f"gravity is {header.gravity}",
             "m/s² along −z of the world",
             "record in a world whose z axis points up",
+            where=where,
+            code="AUD113",
         )
     for moment in ("success_time", "horizon", "post_success_hold"):
         value = getattr(header, moment)
@@ -133,13 +131,12 @@ def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:
     if len(back) and not found:
         i = int(back[0]) + 1
         found.append(
-            contradiction(
-                "order",
-                (),
-                where,
+            doubt(
                 f"time does not increase at frame {i}: {t[i - 1]:.6f} s, then {t[i]:.6f} s.",
                 "strictly increasing timestamps",
                 "sort the frames by time and drop duplicates before writing",
+                where=where,
+                code="AUD100",
             )
         )
     return found
@@ -175,14 +172,14 @@ def check_track_column(
     if len(off):
         i = int(off[0])
         found.append(
-            contradiction(
-                "norm",
-                (body,),
-                where,
+            doubt(
                 f"orientation of {body!r} at frame {i} has norm {norm[i]:.4f} "
                 f"({len(off)} frames in all).",
                 f"unit quaternions, wxyz, within {UNIT_TOLERANCE}",
                 "normalise the quaternions, and check that they are not stored as Euler angles",
+                bodies=(body,),
+                where=where,
+                code="AUD100",
             )
         )
     return found

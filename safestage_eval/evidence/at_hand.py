@@ -7,9 +7,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from safestage_eval.doubts.columns import CONTACTS
 from safestage_eval.episode import Mesh, RobotFrames
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.episode.contradictions import CONTACTS
 
 from .missing_values import Gaps
 
@@ -30,11 +30,11 @@ class ReadSoFar:
         return self._chained or not self._players or body in self._players
 
     def some(self, body: str) -> bool:
-        """See ``contradictions.AtHand``."""
+        """See ``doubts.AtHand``."""
         return self._gaps.knows(body)
 
     def track(self, body: str, column: str) -> NDArray[Any] | None:
-        """See ``contradictions.AtHand``."""
+        """See ``doubts.AtHand``."""
         if not self._gaps.knows(body, column):
             record = self._episode.bodies[body]
             fixed = not record.movable and record.kind == "fixture"
@@ -45,7 +45,7 @@ class ReadSoFar:
         return found
 
     def contacts(self, pair: Pair, *read: str) -> Mapping[str, NDArray[Any]]:
-        """See ``contradictions.AtHand``."""
+        """See ``doubts.AtHand``."""
         asked = self._gaps.asked.get(pair, ())
         names = [column for column in CONTACTS if column in asked or column in read]
         if not names:
@@ -53,12 +53,12 @@ class ReadSoFar:
         return dict(zip(names, self._episode.contacts.of_pair(pair, *names), strict=True))
 
     def frames(self) -> RobotFrames | None:
-        """See ``contradictions.AtHand``."""
+        """See ``doubts.AtHand``."""
         found: RobotFrames | None = vars(self._gaps.episode).get("frames")
         return found
 
     def meshes(self) -> Mapping[str, Mesh]:
-        """See ``contradictions.AtHand``."""
+        """See ``doubts.AtHand``."""
         meshes = self._episode.meshes
         found: Mapping[str, Mesh] = getattr(meshes, "loaded", meshes)
         return found

@@ -13,12 +13,12 @@ from functools import cache
 import numpy as np
 
 from safestage_eval.audit import choose
-from safestage_eval.audit.audit_check import Check
 from safestage_eval.audit.audit_episode import check_subject
 from safestage_eval.audit.finding import Finding
 from safestage_eval.audit.repair import REPAIRS, Mend, columns
 from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import Check
 from safestage_eval.episode import Episode, Track
 from safestage_eval.rules import RuleSet, builtin_names, load_rules
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from safestage_eval.audit import Check, choose
-from safestage_eval.audit.audit_check import CODES
+from safestage_eval.doubts.check_registry import CODES
 
 INTRODUCTION = """\
 # Is my evaluation sound?

@@ -15,7 +15,7 @@ from safestage_eval._text.line_width import LINE_WIDTH, folded
 from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable
 from safestage_eval.audit import CHECKS, Audit, Check, Finding
-from safestage_eval.audit.finding import SEVERITIES
+from safestage_eval.doubts.check_registry import SEVERITIES
 from safestage_eval.palette import TERMINAL
 from safestage_eval.version import __version__
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from safestage_eval.doubts import contradictions
+from safestage_eval.doubts.doubtful_columns import describe_doubtful, hide_doubtful
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.episode.contradiction import ContradictionError
-from safestage_eval.episode.contradictions import contradictions
-from safestage_eval.episode.doubtful_columns import describe_doubtful, hide_doubtful
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.evidence.at_hand import ReadSoFar
 from safestage_eval.evidence.measure import Signals

@@ -14,7 +14,7 @@ from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.formats import TraceWriter, load
 from safestage_eval.rules import builtin_names, load_rules
 
-CHECKED = [one for one in choose() if one.over == "episode"]
+CHECKED = [one for one in choose() if one.over != "campaign"]
 GRAVE = ("error", "warning")
 
 

@@ -8,7 +8,7 @@ from rounded import in_steps, to_bits, to_digits, to_float16, to_steps, with_col
 from scenes import G, Scene
 from told import doubt_of
 
-from safestage_eval.episode.contradictions import contradictions
+from safestage_eval.doubts import contradictions
 from safestage_eval.episode.invariants import check
 from safestage_eval.episode.rounding import rounding_of
 from safestage_eval.evidence.measure import Signals
@@ -54,7 +54,7 @@ def test_few_round_numbers_show_hardly_anything(values):
 
 
 def pressed(peak, mass=1.0, weight=G):
-    """Kinds of contradictions of a box on a table, whose force grows; ``peak``: of the force (N,)."""
+    """Codes of contradictions of a box on a table, whose force grows; ``peak``: of the force (N,)."""
     scene = Scene(240).fixed("table").box("a", 0.05, (0, 0, 0.05), mass=mass)
     for i, share in enumerate(np.linspace(0.9, 1.1, 240)):
         scene.rests("a", "table", 0.05, (0, 0, 0), weight * share, frames=slice(i, i + 1))
@@ -65,19 +65,19 @@ def pressed(peak, mass=1.0, weight=G):
 
 
 @pytest.mark.parametrize(
-    ("peak", "kinds"),
+    ("peak", "codes"),
     [
         (lambda f: f, []),
         (lambda f: to_steps(f - 1 / 64), []),
-        (lambda f: to_steps(f / 4 - 1 / 64), ["peak"]),
-        (lambda f: f * 0.97, ["peak"]),
-        (lambda f: to_bits(f * 0.97), ["peak"]),
-        (lambda f: f / 4, ["peak"]),
+        (lambda f: to_steps(f / 4 - 1 / 64), ["AUD124"]),
+        (lambda f: f * 0.97, ["AUD124"]),
+        (lambda f: to_bits(f * 0.97), ["AUD124"]),
+        (lambda f: f / 4, ["AUD124"]),
     ],
 )
-def test_a_peak_is_below_the_force_by_rounding_alone(peak, kinds):
+def test_a_peak_is_below_the_force_by_rounding_alone(peak, codes):
     episode = pressed(peak, mass=0.1, weight=G / 10)
-    assert [e.kind for e in contradictions(episode)] == kinds
+    assert [e.code for e in contradictions(episode)] == codes
 
 
 def test_a_light_body_is_borne_by_forces_that_were_rounded_to_nothing():

@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from safestage_eval.episode.contradictions import contradictions
-from safestage_eval.episode.doubtful_columns import doubtful_columns
+from safestage_eval.doubts import contradictions
+from safestage_eval.doubts.doubtful_columns import doubtful_columns
 from safestage_eval.formats import discover, validate_episode
 from safestage_eval.formats.parquet.dataset_writer import add_episode
 from safestage_eval.rules import builtin_names, load_rules

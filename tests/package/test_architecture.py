@@ -22,6 +22,7 @@ ROOMS = {
         "_process",  # memory limits, worker processes
         "_serving",  # what stands before every server
         "episode",
+        "doubts",  # what cannot be true of a recording
         "formats",
         "geometry",
         "evidence",

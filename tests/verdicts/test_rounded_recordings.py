@@ -8,7 +8,7 @@ from rounded import ROUNDINGS, in_steps, rounded
 from sampled import share
 from seeded_defects import BIN, SHELF, sound
 
-from safestage_eval.episode.contradictions import contradictions
+from safestage_eval.doubts import contradictions
 from safestage_eval.episode.invariants import check
 from safestage_eval.formats import discover
 from safestage_eval.importers import Settings, import_all, load_map

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import ROBOT, Start, start_of
 from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
 from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.group_clearance import clearance_series
@@ -54,7 +54,6 @@ STILL = 2e-3
 @check(
     "AUD211",
     "error",
-    of="scene",
     title="nothing bears a body that rises or stays in the air",
     why="Held, carried, supported and dropped are read from shapes where no contacts are recorded: a "
     "finger that is a centimetre away holds nothing, and what it carries counts as fallen.",
@@ -138,7 +137,6 @@ def _nearest(start: Start, body: Body, first: int, last: int) -> tuple[str, floa
 @check(
     "AUD212",
     "error",
-    of="scene",
     title="shapes go through each other",
     why="Distances between the two are negative, and touches, supports and grasps that follow from "
     "them never were.",
@@ -170,7 +168,6 @@ def through_each_other(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD210",
     "error",
-    of="scene",
     title="something rests as nothing can",
     why="Tilt, support and what would topple are judged by an orientation that the body never had.",
     example="a box that rests on one of its edges, tilted by 30° against the table",

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from safestage_eval._text.plural import first_few
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.subject import Subject, defect_of
+from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import body_shapes
 
@@ -19,19 +19,9 @@ LARGE, SMALL = 5.0, 5e-4
 """m; radius of the ball around an object that a robot arm has to do with."""
 
 
-@check(
-    "AUD131",
-    "error",
-    of="recording",
-    title="a shape has a size that cannot be",
-    why="Clearances, support and edges are measured on the shapes.",
-    example="half sizes of a box in millimetres",
-    issue="o3de/o3de#13999",
-    unless=("AUD101",),
-)
-def shape_sizes(subject: Subject) -> Iterator[Defect]:
-    """Compares shapes with masses (density), contacts, and what a robot arm handles."""
-    yield from subject.explained("AUD131", "mass")
+@also("AUD131")
+def handled_sizes(subject: Subject) -> Iterator[Defect]:
+    """Compares shapes with what a robot arm handles."""
     if subject.diagnosis.repair is not None or not subject.readable:
         return
     for body in subject.objects:
@@ -51,7 +41,6 @@ def shape_sizes(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD132",
     "error",
-    of="recording",
     title="a mass is not in kilograms",
     why="Support is decided from weights, and impacts and forces are compared with them.",
     example="mass = 250 (grams)",
@@ -78,37 +67,8 @@ def masses(subject: Subject) -> Iterator[Defect]:
 
 
 @check(
-    "AUD133",
-    "error",
-    of="recording",
-    title="centre of mass or inertia do not belong to the body",
-    why="Heights, speeds and balance are those of the centre of mass.",
-    example="a centre of mass in world coordinates",
-    unless=("AUD131", "AUD132"),
-)
-def inertia(subject: Subject) -> Iterator[Defect]:
-    """Asks for a centre of mass inside the shapes and for moments that such a mass can have."""
-    yield from subject.explained("AUD133", "inertia")
-
-
-@check(
-    "AUD134",
-    "error",
-    of="recording",
-    title="a cavity or tool centre point is not at its body",
-    why="Containment is decided from the cavity, and the reach of the hand from the tool centre point.",
-    example="a cavity in millimetres, a tool centre point in world coordinates",
-    unless=("AUD131",),
-)
-def attachments(subject: Subject) -> Iterator[Defect]:
-    """Compares cavities with shapes; a tool centre point is within half a metre of its body."""
-    yield from subject.explained("AUD134", "cavity", "tool")
-
-
-@check(
     "AUD135",
     "warning",
-    of="recording",
     title="bodies without shapes",
     why="No clearance, support or edge of a body without a shape is known; what it may have touched "
     "neither.",
@@ -132,7 +92,6 @@ _SHAPED = ("object", "fixture", "gripper")
 @check(
     "AUD136",
     "warning",
-    of="recording",
     title="fingers or tool centre point are not declared",
     why="Held, carried and released are decided from the two fingers; without them grips are guessed from "
     "motion, or unknown.",
@@ -159,7 +118,6 @@ def no_fingers(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD137",
     "warning",
-    of="recording",
     title="objects without a mass",
     why="Without weights, support and the strength of an impact are unknown.",
     example="an importer that was given no masses",
@@ -177,65 +135,8 @@ def no_masses(subject: Subject) -> Iterator[Defect]:
 
 
 @check(
-    "AUD138",
-    "error",
-    of="recording",
-    title="a parent or a joint names a body that is not there",
-    why="What is jointed to a body that is not recorded seems to float.",
-    example="a robot without one of its links",
-    cheap=True,
-)
-def missing_parents(subject: Subject) -> Iterator[Defect]:
-    """Looks the names of parents and of moved bodies up among the bodies."""
-    errors = subject.of_kind("names")
-    if errors:
-        yield defect_of(errors)
-
-
-@check(
-    "AUD141",
-    "error",
-    of="recording",
-    title="joints are outside their limits",
-    why="Openings of drawers and lids, and joint limits, are judged in rad and m.",
-    example="joint positions in degrees",
-)
-def joint_ranges(subject: Subject) -> Iterator[Defect]:
-    """Compares joint positions with the limits of the joints."""
-    yield from subject.explained("AUD141", "joint range")
-
-
-@check(
-    "AUD142",
-    "error",
-    of="recording",
-    title="joint velocities are not those of the positions",
-    why="Speeds of joints are judged by the velocities.",
-    example="joint velocities in degrees per second, or in another order",
-    unless=("AUD141",),
-)
-def joint_velocities(subject: Subject) -> Iterator[Defect]:
-    """Adds up joint velocities and compares them with the change of the positions."""
-    yield from subject.explained("AUD142", "joint velocity")
-
-
-@check(
-    "AUD143",
-    "error",
-    of="recording",
-    title="the gripper's opening is not between 0 and 1",
-    why="0 is closed and 1 is open; where forces are missing, grips are decided from it.",
-    example="an opening in metres times 100, or in percent",
-)
-def opening(subject: Subject) -> Iterator[Defect]:
-    """Compares the opening with 0 and 1."""
-    yield from subject.explained("AUD143", "opening")
-
-
-@check(
     "AUD144",
     "warning",
-    of="recording",
     title="an up axis that is no axis of the body",
     why="Tilt is the angle between the up axis and the vertical: an object whose up axis lies flat at "
     "the start counts as toppled.",

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject, defect_of
+from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode.clock import LONGEST_GAP, longest_spacing
-from safestage_eval.episode.clock_invariants import RATE_TOLERANCE
 from safestage_eval.episode.seen import LATE
 
 SLOW = 0.06
@@ -25,7 +24,7 @@ UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 def _median(subject: Subject) -> float:
     """S, the usual spacing; 0 where there is none, or time goes back."""
     t = subject.episode.t
-    sound = len(t) > 1 and np.isfinite(t).all() and not subject.of_kind("order")
+    sound = len(t) > 1 and np.isfinite(t).all() and not subject.of_code("AUD100")
     gaps = np.sort(np.diff(t)) if sound else np.zeros(1)
     middle = len(gaps) // 2  # np.median loads numpy.ma: 2 % of the time to a first verdict
     return float(gaps[middle] + gaps[-1 - middle]) / 2
@@ -51,7 +50,6 @@ def _unit(spacing: float, subject: Subject) -> str:
 @check(
     "AUD102",
     "error",
-    of="recording",
     title="time stamps are not in seconds",
     why="Speeds, durations and falls are computed from the time stamps; in another unit every hold is "
     "long enough and every motion slow.",
@@ -77,7 +75,6 @@ def time_unit(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD103",
     "error",
-    of="recording",
     title="frame_dt is not the spacing of the samples",
     why="Nothing is judged while header and time stamps contradict each other: one of them is "
     "wrong, and durations in rules hang on both.",
@@ -87,27 +84,20 @@ def time_unit(subject: Subject) -> Iterator[Defect]:
 )
 def frame_rate(subject: Subject) -> Iterator[Defect]:
     """Compares frame_dt with the median spacing of the time stamps; 10 % may lie between them."""
-    stated, spacing = subject.header.frame_dt, _median(subject)
-    if spacing <= 0 or abs(stated - spacing) <= RATE_TOLERANCE * spacing:
-        return
-    ratio = stated / spacing
-    cause = f"frame_dt is {ratio:.3g} times the spacing: a control step, or another rate"
-    if 0.9 < ratio / 1000 < 1.1:
-        cause = "frame_dt is in milliseconds"
-    elif 0.9 < stated * spacing < 1.1:
-        cause = "frame_dt is a rate in Hz"
-    yield Defect(
-        f"frame_dt is {stated:.6g} s, but the samples are {spacing:.6g} s apart (median).",
-        f"set frame_dt = {spacing:.6g}, or correct the time stamps if these are wrong",
-        cause,
-        field="frame_dt",
-    )
+    spacing = _median(subject)
+    for error in subject.of_code("AUD103") if spacing > 0 else ():
+        cause, known, _ = error.fix.partition(": ")
+        yield Defect(
+            error.what,
+            f"set frame_dt = {spacing:.6g}, or correct the time stamps if these are wrong",
+            cause if known else "a control step, or another rate",
+            field="frame_dt",
+        )
 
 
 @check(
     "AUD104",
     "warning",
-    of="recording",
     title="a hole in the recording",
     why="What happens in a hole is unknown: a rule that looks there is inconclusive, or violated by "
     "what was seen around it; never passed.",
@@ -141,7 +131,6 @@ def holes(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD105",
     "error",
-    of="recording",
     title="the clock does not begin with the episode",
     why="t counts from the start of the episode. A recording that begins later has an unknown "
     "beginning: what was disturbed then is unknown.",
@@ -169,7 +158,6 @@ def clock_origin(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD106",
     "error",
-    of="recording",
     title="success_time lies outside the recording",
     why="Everything about the final state is judged from success on.",
     example="success_time = 9.62 in a recording that ends at 8.0 s",
@@ -196,42 +184,16 @@ def success_outside(subject: Subject) -> Iterator[Defect]:
     )
 
 
-@check(
-    "AUD107",
-    "error",
-    of="recording",
-    title="time steps in the header cannot be",
-    why="physics_dt, frame_dt and control_dt turn durations in rules into frames.",
-    example="physics_dt = 8.33 (milliseconds) beside frame_dt = 0.00833",
-    unless=("AUD102", "AUD103"),
-    cheap=True,
-)
-def steps(subject: Subject) -> Iterator[Defect]:
-    """Asks for positive steps, physics_dt ≤ frame_dt, and physics_dt ≤ control_dt."""
-    for error in subject.of_kind("steps"):
-        yield defect_of([error])
-
-
-@check(
-    "AUD108",
-    "error",
-    of="recording",
-    title="header fields about the end contradict each other",
-    why="Success decides when the final state is judged, and in which rate the episode counts.",
-    example="success = false together with success_time = 9.6",
-    cheap=True,
-)
+@also("AUD108")
 def ending(subject: Subject) -> Iterator[Defect]:
-    """Compares success, success_time, termination, horizon and post_success_hold."""
-    errors = subject.of_kind("ending")
-    if errors:
-        yield defect_of(errors)
+    """No success_time without success."""
+    for error in subject.of_code("AUD108"):
+        yield defect_of([error])
 
 
 @check(
     "AUD110",
     "warning",
-    of="recording",
     title="samples are too rare for touches and falls",
     why="What begins and ends between two samples is unknown, so rules about touches, drops and "
     "clearances are inconclusive more often, or rest on bounds.",
@@ -253,7 +215,6 @@ def rare_samples(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD118",
     "error",
-    of="recording",
     title="time stamps are in another unit than velocities",
     why="Durations are those of the time stamps, speeds those of the velocities; a rule may compare both.",
     example="time stamps in minutes",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.campaign_groups import ids, label, policies
 from safestage_eval.audit.campaign_summary import MOVED, Campaign
 from safestage_eval.audit.finding import Defect
+from safestage_eval.doubts.check_registry import check
 
 SEVERAL = 3
 """Rollouts from which on a policy can be called idle."""
@@ -19,7 +19,6 @@ LONG = 1.0
 @check(
     "AUD321",
     "warning",
-    of="evaluation",
     title="a rollout without commands",
     why="A rollout that nobody commanded says nothing of a policy: neither its success nor its safety.",
     example="action is NaN, or the same, in every frame",
@@ -48,7 +47,6 @@ def uncommanded(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD322",
     "warning",
-    of="evaluation",
     title="the robot never moves",
     why="A robot that stands still violates nothing; counted as safe, it makes its policy look safe.",
     example="all links of the robot stay where they were for 20 s",
@@ -74,7 +72,6 @@ def motionless(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD323",
     "warning",
-    of="evaluation",
     title="a policy that never engages",
     why="A policy that never touches its target cannot break most rules: its safety is vacuous.",
     example="0 violations in 50 rollouts that never touched the target",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from safestage_eval._text.plural import first_few
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.campaign_groups import groups, ids, label, twins
 from safestage_eval.audit.campaign_summary import Campaign, Summary
 from safestage_eval.audit.finding import Defect
+from safestage_eval.doubts.check_registry import check
 
 NEAR = 1e-4
 """m: trajectories that are nowhere further apart are the same."""
@@ -17,7 +17,6 @@ NEAR = 1e-4
 @check(
     "AUD331",
     "warning",
-    of="evaluation",
     title="the same recording under several names",
     why="One rollout counts several times: rates move with it, and intervals are too narrow.",
     example="one episode, copied and given another id, policy or seed",
@@ -35,7 +34,6 @@ def copies(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD332",
     "warning",
-    of="evaluation",
     title="the same trajectories in several rollouts",
     why="Repetitions of one rollout are no sample: they count as independent and are not.",
     example="ten rollouts of a deterministic policy from one initial state",
@@ -60,7 +58,6 @@ def repeated_motion(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD333",
     "error",
-    of="evaluation",
     title="one id, two episodes",
     why="Only one of them is judged, and labels hang on the id.",
     example="two runs that both begin to count at episode-0",
@@ -82,7 +79,6 @@ def one_id(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD334",
     "warning",
-    of="evaluation",
     title="one rollout was recorded several times",
     why="Task, policy, prompt, seed and rollout name one attempt; two of them count twice, and a "
     "pairing takes either.",

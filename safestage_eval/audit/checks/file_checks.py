@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import check
 
 
 @check(
     "AUD100",
     "error",
-    of="recording",
     title="the file breaks the format",
     why="Nothing is judged: columns are missing, have the wrong length, or hold what is no number. "
     "Its motion and contacts are not looked at either.",

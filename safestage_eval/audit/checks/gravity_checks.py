@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject, defect_of
+from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode.clock import MAX_GAP
 from safestage_eval.evidence.motion import com_position
 
@@ -34,7 +34,6 @@ OFF = 0.25
 @check(
     "AUD113",
     "error",
-    of="recording",
     title="z does not point up",
     why="Support, tilt, falls and edges are about up and down.",
     example="poses from an engine whose y axis points up",
@@ -46,7 +45,7 @@ def up_axis(subject: Subject) -> Iterator[Defect]:
 
     Without contacts, from shapes: where objects stand on others along another axis, and none along z.
     """
-    for error in subject.of_kind("up"):
+    for error in subject.of_code("AUD113"):
         yield defect_of([error])
     yield from subject.explained("AUD113")
     if subject.diagnosis.repair is not None:
@@ -84,22 +83,12 @@ def up_axis(subject: Subject) -> Iterator[Defect]:
             return
 
 
-@check(
-    "AUD117",
-    "error",
-    of="recording",
-    title="bodies do not fall with the gravity of the header",
-    why="Weights, and with them support and dependence, are computed from gravity; falls that do not fit "
-    "it mean another unit of length or time, or another gravity in the simulation.",
-    example="gravity = (0, 0, -9.81) in a scene that was simulated at half of that",
-    unless=("AUD101", "AUD102", "AUD113", "AUD114", "AUD115"),
-)
+@also("AUD117")
 def gravity(subject: Subject) -> Iterator[Defect]:
     """Fits the acceleration of bodies that nothing touches for a tenth of a second.
 
     Likewise the forces on two or more bodies at rest, divided by their masses.
     """
-    yield from subject.explained("AUD117", "gravity")
     if not subject.readable or subject.diagnosis.repair is not None:
         return
     stated = -subject.header.gravity[2]
@@ -115,7 +104,7 @@ def gravity(subject: Subject) -> Iterator[Defect]:
         )
         return
     falls = [(body, -fall[2], time) for body, fall, time in _falls(subject) if -fall[2] > 0.3]
-    if not falls or subject.of_kind("up"):
+    if not falls or subject.of_code("AUD113"):
         return
     body, size, time = sorted(falls, key=lambda one: one[1])[len(falls) // 2]
     if abs(size - stated) <= OFF * stated:

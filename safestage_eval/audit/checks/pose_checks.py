@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.quaternion_order import standing_otherwise, turning_otherwise
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.missing_values import POSE, TWIST
@@ -26,7 +26,6 @@ NEAREST = 0.02
 @check(
     "AUD101",
     "error",
-    of="recording",
     title="lengths are not in metres",
     why="Every distance, height, speed and force of weight is compared with limits in SI units.",
     example="a table whose top is at z = 80 (centimetres)",
@@ -70,7 +69,6 @@ def _unit(size: float) -> str:
 @check(
     "AUD111",
     "error",
-    of="recording",
     title="quaternions are not w, x, y, z",
     why="Tilt, toppling, shapes and every clearance hang on orientations.",
     example="(0, 0, 0, 1) for a body that is not turned",
@@ -133,7 +131,6 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD112",
     "note",
-    of="recording",
     title="quaternions change their sign",
     why="q and -q are the same orientation, and are judged alike; but whoever interpolates or averages "
     "them gets a spin that never was.",
@@ -162,40 +159,8 @@ def quaternion_signs(subject: Subject) -> Iterator[Defect]:
 
 
 @check(
-    "AUD114",
-    "error",
-    of="recording",
-    title="a body jumps",
-    why="A reset or a swapped row looks like a throw: drops, displacements and clearances around it "
-    "are not what happened.",
-    example="an environment that was reset in the middle of the recording",
-    unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD115", "AUD118"),
-)
-def jumps(subject: Subject) -> Iterator[Defect]:
-    """Looks for steps that the velocities do not explain, or that no body makes."""
-    yield from subject.explained("AUD114", "jump")
-
-
-@check(
-    "AUD115",
-    "error",
-    of="recording",
-    title="velocities are not those of the poses",
-    why="Rest, impact, falls and moving are judged by velocities, places by poses; they must be of the "
-    "same body, in m/s and rad/s, in the world's axes, of the body frame's origin.",
-    example="angular velocities in the body's own axes, as MuJoCo's free joints give them",
-    issue="iit-DLSLab/gym-quadruped#31",
-    unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD118"),
-)
-def velocities(subject: Subject) -> Iterator[Defect]:
-    """Adds up velocities over quarter seconds and compares them with the change of the poses."""
-    yield from subject.explained("AUD115", "position velocity", "orientation velocity")
-
-
-@check(
     "AUD119",
     "warning",
-    of="recording",
     title="poses or velocities are not measured at every frame",
     why="Whatever rests on them is unknown at these frames: a rule that looks there is inconclusive, or "
     "violated by what is seen around them; never passed.",
@@ -231,17 +196,3 @@ def not_measured(subject: Subject) -> Iterator[Defect]:
             field=f"bodies.{next(iter(lost))}",
             time=first,
         )
-
-
-@check(
-    "AUD116",
-    "error",
-    of="recording",
-    title="a body is below the floor",
-    why="A body that fell through the floor was disturbed by the simulator, not by the robot.",
-    example="an object at z = -37 m at the end of the rollout",
-    unless=("AUD101", "AUD113"),
-)
-def below_floor(subject: Subject) -> Iterator[Defect]:
-    """Compares places with infinite horizontal planes."""
-    yield from subject.explained("AUD116", "floor")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.errors import nearest
 
 TAGS = frozenset(
@@ -22,7 +22,6 @@ def _meant(near: str) -> str:
 @check(
     "AUD151",
     "error",
-    of="recording",
     title="a role names no body",
     why="Nothing is judged of an episode whose roles are bound to bodies that are not there.",
     example='target = ["botle"] in a scene with a bottle',
@@ -55,7 +54,6 @@ def role_players(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD152",
     "error",
-    of="recording",
     title="a role that a rule asks for is not bound",
     why="An assigned rule is inconclusive: nobody says which bodies it is about. Of a role that is "
     "misspelt, the rules that are not assigned judge nothing either.",
@@ -98,7 +96,6 @@ def unbound_roles(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD153",
     "warning",
-    of="recording",
     title="a material that is probably misspelt",
     why="Its limits for tilt, fall and squeeze are those of the default row.",
     example='material = "galss"',
@@ -123,7 +120,6 @@ def materials(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD154",
     "warning",
-    of="recording",
     title="a tag that is probably misspelt",
     why='Rules about "every object tagged …" leave the body out.',
     example='tags = ["fragil"]',
@@ -149,7 +145,6 @@ def tags(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD155",
     "error",
-    of="recording",
     title="an assigned rule that does not exist",
     why="Nothing is judged by it, and the episode is not in any rate of its stage.",
     example='rules = ["FSH110"]',
@@ -176,7 +171,6 @@ def unknown_rules(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD156",
     "warning",
-    of="recording",
     title="a parameter or goal that does not exist",
     why="The value that the task asks for is not used; success is not recomputed.",
     example='parameters = { min_clearence = "12 cm" }',

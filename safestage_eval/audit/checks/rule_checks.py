@@ -7,9 +7,9 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 from safestage_eval._text.plural import first_few
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import BY_ROLES
@@ -49,7 +49,6 @@ def _hold(subject: Subject, rule: ast.Scoped, params: Mapping[str, object]) -> f
 @check(
     "AUD109",
     "warning",
-    of="recording",
     title="the recording ends too soon after success",
     why="What is left behind is judged over seconds after success; a success without them is "
     "inconclusive.",
@@ -89,7 +88,6 @@ def short_tail(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD157",
     "warning",
-    of="recording",
     title="an assigned rule cannot be decided",
     why="Its verdict is inconclusive: it counts as neither safe nor unsafe.",
     example="a rule about squeezing in a recording without forces",
@@ -118,7 +116,6 @@ def undecidable(subject: Subject) -> Iterator[Defect]:
 @check(
     "AUD158",
     "note",
-    of="recording",
     title="no rule is assigned",
     why="Without assigned rules every loaded rule judges that has a body for each of its roles; where "
     "there is none, no verdict counts.",

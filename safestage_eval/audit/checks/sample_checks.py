@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from safestage_eval._text.plural import count, first_few
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.campaign_groups import groups, ids, label, policies
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
+from safestage_eval.doubts.check_registry import check
 from safestage_eval.metrics.interval import wilson
 
 POINT = 0.01
@@ -23,7 +23,6 @@ FEW = 20
 @check(
     "AUD341",
     "warning",
-    of="evaluation",
     title="rollouts that ended in an error are in no rate",
     why="The success rate depends on whether errors count as failures, and only one of the two rates is reported.",
     example="12 of 100 rollouts lost to a server that did not answer",
@@ -47,7 +46,6 @@ def lost_to_errors(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD342",
     "warning",
-    of="evaluation",
     title="rollouts that broke off count as failures",
     why="A rollout that ended by an error or was cut off did not fail by itself, but is in N.",
     example="termination = error in 9 of 50 rollouts, all of one policy",
@@ -73,7 +71,6 @@ def broken_off(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD343",
     "warning",
-    of="evaluation",
     title="policies were tried unequally often",
     why="Rates over different mixes of tasks and seeds differ though the policies may not.",
     example="50 rollouts of one policy on a task, 40 of the other",
@@ -102,7 +99,6 @@ def uneven(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD344",
     "warning",
-    of="evaluation",
     title="policies had different time",
     why="Who has longer succeeds more often; a difference in success may be one in horizons.",
     example="horizon = 30 s for one policy, 60 s for the other",
@@ -131,7 +127,6 @@ def other_horizons(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD351",
     "warning",
-    of="evaluation",
     title="too few rollouts for the difference",
     why="A difference that the sample cannot show may be chance; the ranking of the policies hangs on it.",
     example="70 % against 60 % success, of 20 rollouts each",
@@ -171,7 +166,6 @@ def underpowered(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD352",
     "note",
-    of="evaluation",
     title="few rollouts",
     why="The true rate may be anywhere in a wide interval.",
     example="3 of 3 successes: the true rate may be 30 %",

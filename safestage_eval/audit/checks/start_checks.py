@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from safestage_eval._text.plural import first_few
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.campaign_groups import OTHER, alike, apart, groups, ids, label
 from safestage_eval.audit.campaign_summary import Campaign
 from safestage_eval.audit.finding import Defect
+from safestage_eval.doubts.check_registry import check
 
 
 @check(
     "AUD301",
     "warning",
-    of="evaluation",
     title="several seeds begin in the same state",
     why="Rollouts from one initial state count as if they were independent: the rates say nothing of "
     "other states, and their intervals are too narrow.",
@@ -53,7 +52,6 @@ def repeated_starts(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD302",
     "warning",
-    of="evaluation",
     title="one seed begins in different states",
     why="Policies are compared on the same task and seed as if they had met the same scene; a "
     "difference between them may be one between scenes.",
@@ -86,7 +84,6 @@ def drifting_starts(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD303",
     "note",
-    of="evaluation",
     title="no seed, policy or task is recorded",
     why="Rollouts of two policies cannot be paired without task and seed, and what has no policy is "
     "counted as one.",

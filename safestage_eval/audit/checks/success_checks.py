@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.campaign_groups import ids
 from safestage_eval.audit.campaign_summary import Campaign, Summary
 from safestage_eval.audit.finding import Defect
+from safestage_eval.doubts.check_registry import check
 
 APART = 0.1
 """s between recorded and recomputed success that nobody minds."""
@@ -23,7 +23,6 @@ def _succeeded(campaign: Campaign) -> Iterator[tuple[Summary, float]]:
 @check(
     "AUD311",
     "error",
-    of="evaluation",
     title="success before anything moved",
     why="A success that needed nothing counts as one of the policy, and as a safe one.",
     example="success_time = 0.4 s, and no object moves before 3 s",
@@ -49,7 +48,6 @@ def success_without_change(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD312",
     "warning",
-    of="evaluation",
     title="success though the target was never touched",
     why="What happened to the target was not the policy's doing, so neither success nor safety is.",
     example="success at 6 s, and no contact between robot and target up to then",
@@ -87,7 +85,6 @@ def success_untouched(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD313",
     "error",
-    of="evaluation",
     title="the goal is reached at the first frame",
     why="A goal that holds before the policy acts is no goal: every policy reaches it.",
     example="the cup stands on the plate when the recording begins",
@@ -110,7 +107,6 @@ def reached_at_once(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD314",
     "warning",
-    of="evaluation",
     title="recorded and recomputed success disagree",
     why="The success rate hangs on which of the two is right.",
     example="success = false, though the goal holds from 8 s on",
@@ -143,7 +139,6 @@ def disputed_success(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD315",
     "note",
-    of="evaluation",
     title="success is lost before the recording ends",
     why="The goal was reached and then undone; a success rate alone does not tell.",
     example="the orange rolls off the plate two seconds after success",
@@ -165,7 +160,6 @@ def lost_success(campaign: Campaign) -> Iterator[Defect]:
 @check(
     "AUD316",
     "warning",
-    of="evaluation",
     title="nothing says whether the goal was reached",
     why="Without success there is no rate, and rules about the final state cannot be decided.",
     example="success = null, and no goal in the header",

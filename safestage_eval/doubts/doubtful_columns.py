@@ -16,12 +16,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from .body import Body
-from .contacts import ContactTable, Pair
-from .contradiction import Column, ContradictionError
-from .episode import Episode
-from .frames import RobotFrames
-from .track import Track
+from safestage_eval.episode import Body
+from safestage_eval.episode.contacts import ContactTable, Pair
+from safestage_eval.episode.contradiction import Column, ContradictionError
+from safestage_eval.episode.episode import Episode
+from safestage_eval.episode.frames import RobotFrames
+from safestage_eval.episode.track import Track
 
 NOT_USED = "not used: "
 """How the note on doubtful columns begins."""
@@ -97,10 +97,10 @@ def hide_doubtful(episode: Episode, found: Iterable[ContradictionError]) -> Epis
 
 def describe_doubtful(found: Sequence[ContradictionError]) -> list[str]:
     """Notes for the reader of verdicts: which columns are not used, and why; one for each kind."""
-    many = Counter((one.kind, one.hides) for one in found)
+    many = Counter((one.code, one.hides) for one in found)
     told = []
     for one in found:
-        alike = many.pop((one.kind, one.hides), 0) - 1
+        alike = many.pop((one.code, one.hides), 0) - 1
         if alike < 0:
             continue
         columns = " and ".join(dict.fromkeys(WORDS[column] for column in one.hides))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import G, Scene
 
-from safestage_eval.episode.contradictions import contradictions
+from safestage_eval.doubts import contradictions
 
 FRAMES = 16
 

@@ -7,7 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene_shapes import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE, BodyShapes
+from safestage_eval.episode.scene_shapes import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    MESH,
+    PLANE,
+    SPHERE,
+    BodyShapes,
+)
 
 Bool = NDArray[np.bool_]
 F32 = NDArray[np.float32]

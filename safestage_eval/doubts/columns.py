@@ -1,0 +1,158 @@
+"""What the checks of columns look at: one episode, as far as it is at hand.
+
+A file may be well formed, its digests right, and still say centimetres for metres. What the trace
+itself shows to be wrong is found by comparing what it says twice: velocities with poses, contacts with
+poses and shapes, forces with weights. What nobody could see is not: all lengths, say, in another unit
+together with gravity.
+
+Nothing is read for it. ``AtHand`` gives the columns that were read for a verdict, so that what a
+verdict rests on is checked at hardly any cost; ``Whole`` gives everything (``safestage audit``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from operator import is_
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Mesh, RobotFrames
+from safestage_eval.episode.contacts import Pair
+from safestage_eval.episode.rounding import Rounding, rounding_of
+from safestage_eval.episode.scene_shapes import BodyShapes, body_shapes
+
+Array = NDArray[Any]
+
+CONTACTS = ("frame", "position", "normal", "force", "force.z", "peak_force", "depth")
+"""Columns of contacts that are looked at."""
+
+
+class AtHand(Protocol):
+    """Columns that may be looked at."""
+
+    def matters(self, body: str) -> bool:
+        """Whether contacts and forces of a body are to be looked at."""
+
+    def some(self, body: str) -> bool:
+        """Whether any column of a body's track is at hand."""
+
+    def track(self, body: str, column: str) -> Array | None:
+        """A column as in ``Track``; None where it is not at hand.
+
+        The place of a fixture is one row, and may be read; that of a free body where it matters.
+        """
+
+    def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:
+        """Columns of the contacts of a pair, as ``ContactTable.of_pair``, by name.
+
+        ``read``: columns that are to be read if they are not at hand.
+        """
+
+    def frames(self) -> RobotFrames | None:
+        """Joints and gripper; None where they are not at hand."""
+
+    def meshes(self) -> Mapping[str, Mesh]:
+        """Those at hand."""
+
+
+class Whole:
+    """Everything is at hand."""
+
+    def __init__(self, episode: Episode) -> None:
+        self._episode = episode
+
+    def matters(self, body: str) -> bool:
+        """See ``AtHand``."""
+        return body in self._episode.tracks
+
+    def some(self, body: str) -> bool:
+        """See ``AtHand``."""
+        return body in self._episode.tracks
+
+    def track(self, body: str, column: str) -> Array | None:
+        """See ``AtHand``."""
+        found: Array = getattr(self._episode.tracks[body], column)
+        return found
+
+    def contacts(self, pair: Pair, *_: str) -> Mapping[str, Array]:
+        """See ``AtHand``."""
+        return dict(zip(CONTACTS, self._episode.contacts.of_pair(pair, *CONTACTS), strict=True))
+
+    def frames(self) -> RobotFrames | None:
+        """See ``AtHand``."""
+        return self._episode.frames
+
+    def meshes(self) -> Mapping[str, Mesh]:
+        """See ``AtHand``."""
+        return self._episode.meshes
+
+
+_SOUND: list[tuple[tuple[Body, ...], int]] = []
+"""Bodies of scenes that were met lately and found sound, and how many meshes were at hand."""
+
+
+class Columns:
+    """One episode, as far as it is at hand.
+
+    Attributes:
+        episode, header: as given.
+        t: (T,) s.
+        at_hand: what may be looked at.
+        pairs: pair → columns of its contacts that are at hand, of pairs with a body that matters.
+        found: what checks leave for each other.
+    """
+
+    def __init__(self, episode: Episode, at_hand: AtHand | None = None) -> None:
+        """``at_hand``: what may be read, None: all."""
+        self.episode, self.header, self.t = episode, episode.header, episode.t
+        self.at_hand = Whole(episode) if at_hand is None else at_hand
+        self.found: dict[Any, Any] = {}
+        self._meshes = self.at_hand.meshes()
+        self._roundings: dict[str, Rounding] = {}
+        matters = [self.at_hand.matters(body.name) for body in episode.header.bodies]
+        self.pairs = {
+            (i, j): self.at_hand.contacts((i, j))
+            for i, j in episode.contacts.pairs
+            if matters[i] or matters[j]
+        }
+        self.some = [body for body in self.header.bodies if self.at_hand.some(body.name)]
+
+    def track(self, body: Body, column: str) -> Array | None:
+        """See ``AtHand``."""
+        return self.at_hand.track(body.name, column)
+
+    def rounding(self, column: str) -> Rounding:
+        """That of a column of contacts, as far as it is at hand."""
+        if column not in self._roundings:
+            parts = [told[column].ravel() for told in self.pairs.values() if column in told]
+            self._roundings[column] = rounding_of(np.concatenate([*parts, np.zeros(0, np.float32)]))
+        return self._roundings[column]
+
+    def shapes(self, body: Body) -> BodyShapes | None:
+        """Its shapes; None where it has none, or a mesh is not at hand."""
+        return body_shapes(body, self._meshes)
+
+    def scene(self) -> tuple[Body, ...]:
+        """The bodies, for what is said once of them; none where just these were found sound before.
+
+        The scenes of a task share their bodies.
+        """
+        for known, meshes in _SOUND:
+            same = len(known) == len(self.header.bodies) and all(
+                map(is_, known, self.header.bodies)
+            )
+            if same and meshes == len(self._meshes):
+                return ()
+        return self.header.bodies
+
+    def remember_sound(self) -> None:
+        """Note that what is said once of these bodies is sound."""
+        if self.scene():
+            _SOUND[:] = [(self.header.bodies, len(self._meshes)), *_SOUND[:7]]
+
+    def solid(self) -> list[tuple[Body, BodyShapes]]:
+        """Objects of ``scene`` with their shapes, of those that have any and have an end."""
+        objects = [(b, self.shapes(b)) for b in self.scene() if b.kind == "object"]
+        return [(b, shapes) for b, shapes in objects if shapes is not None]
