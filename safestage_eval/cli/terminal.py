@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import sys
+from functools import partial
 from typing import Any, Protocol
 
 import click
@@ -51,10 +52,12 @@ def say_lines(text: str, *, err: bool = False, color: bool = False) -> None:
     shown = printable_lines(text)
     if color:
         for mark, look in _LOOKS.items():
-            shown = re.sub(
-                mark, lambda found, look=look: click.style(found[0], **look), shown, flags=re.M
-            )  # type: ignore[misc]
+            shown = re.sub(mark, partial(_styled, look), shown, flags=re.MULTILINE)
     _print(shown, err=err, nl=bool(text) and not text.endswith("\n"))
+
+
+def _styled(look: dict[str, Any], found: re.Match[str]) -> str:
+    return click.style(found[0], **look)
 
 
 _LOOKS: dict[str, dict[str, Any]] = {
