@@ -33,6 +33,7 @@ class Grounds:
         sure: it is supported, held or carried.
         perhaps: it may be.
         taken, hand: the robot has it; or may have it.
+        notes: why the frames do not tell, where they do not.
     """
 
     def __init__(self, relations: Relations, name: str) -> None:
@@ -42,6 +43,9 @@ class Grounds:
         self.sure, self.perhaps = (np.logical_or.reduce([*x.values()]) for x in (sure, may))
         self.taken = sure["held"] | sure["carried"]
         self.hand = may["held"] | may["carried"]
+        self.notes = tuple(
+            dict.fromkeys(n for r in told if (sure[r] != may[r]).any() for n in told[r].notes)
+        )
 
 
 @signal("fall", "length", args=("a",), needs=("poses", "touch"), reads="", support=True)
@@ -51,8 +55,8 @@ def fall(request: Request) -> Interval:
 
     m. The frame in which a fall ends counts what was lost since the frame before. The lower end is
     what it certainly fell: from the first frame at which nothing kept it, or from the frame before
-    if it rested there and no hand can have been near in between. The upper end is all that its
-    lowest point lost since the last frame at which something certainly kept it, or a later one at which
+    if it rested there and no hand can have been near in between. The upper end is all that both
+    its lowest point and its COM lost since the last frame at which something certainly kept it, or a later one at which
     something may have. What the hand has at two frames in a row, it has between them too.
     """
     relations: Relations = request.relations
@@ -75,11 +79,11 @@ def fall(request: Request) -> Interval:
     unaided = _unaided(relations, name, ground, before, begin, lost)
     certain = np.where(unaided, lost(np.maximum(before, 0), frames), certain)
     since = np.maximum(_latest(ground.sure), 0)
-    most = _highest(low, since, ground.perhaps) - low
+    most = np.minimum(*(_highest(z, since, ground.perhaps) - z for z in (low, high)))
     last = np.maximum(frames - 1, 0)
     most[ground.taken & ground.taken[last] & (since == last)] = 0.0
     certain, most = (np.where(some < LEAST, 0.0, some) for some in (certain, most))
-    return Interval(np.minimum(certain, most), np.maximum(certain, most), "length")
+    return Interval(np.minimum(certain, most), np.maximum(certain, most), "length", ground.notes)
 
 
 def _latest(truth: Bool) -> NDArray[np.int64]:
@@ -90,7 +94,7 @@ def _latest(truth: Bool) -> NDArray[np.int64]:
 
 
 def _highest(low: F64, since: NDArray[np.int64], perhaps: Bool) -> F64:
-    """(T,) m, the greatest height ``low`` before each frame, at ``since`` or at a frame after it of ``perhaps``."""
+    """(T,) m, the greatest of heights ``low`` (T,) before each frame, at ``since`` or at a frame after it of ``perhaps``."""
     highest = low[since]
     for now in np.flatnonzero(perhaps[:-1] & (since[1:] != np.arange(len(low) - 1))) + 1:
         alike = np.searchsorted(

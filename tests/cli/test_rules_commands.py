@@ -8,7 +8,7 @@ from studio import run
 
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import builtin_names, load_rules
-from safestage_eval.rules.files import benchmark_names
+from safestage_eval.rules.files import benchmark_names, on_demand_names
 from safestage_eval.rules.schema import schema_text
 from safestage_eval.rules.uses import own_params, sources, uses_of
 from safestage_eval.signals import SIGNALS
@@ -90,7 +90,9 @@ def test_every_value_that_a_rule_reads_has_a_source_with_a_comment(name):
 
 def test_without_an_argument_the_rules_are_listed(mine):
     text = run("rules", "show").text
-    sets = [load_rules([name]) for name in (*builtin_names(), *benchmark_names())]
+    sets = [
+        load_rules([name]) for name in (*builtin_names(), *on_demand_names(), *benchmark_names())
+    ]
     codes = {code for rules in sets for code in (*rules.rules, *rules.costs)}
     assert {line.split()[0] for line in text.splitlines()} == codes
     assert run("rules", "show", "--rules", mine).text.startswith("ETS901  Touch it gently")

@@ -227,9 +227,9 @@ forbid = { %s }
 @pytest.mark.parametrize(
     ("condition", "column", "said"),
     [
-        ('"edge_margn(target)" = "< 2 cm"', 12, 'did you mean "edge_margin"'),
+        ('"edge_margn(target)" = "< 2 cm"', 13, 'did you mean "edge_margin"'),
         ('"edge_margin(target)" = "< 2 N"', 36, "allowed: a length (m, cm, mm)"),
-        ('"edge_margin(targte)" = "< 2 cm"', 12, 'did you mean "target"'),
+        ('"edge_margin(targte)" = "< 2 cm"', 25, 'did you mean "target"'),
     ],
 )
 @pytest.mark.parametrize("command", ["score", "check"])
@@ -328,6 +328,6 @@ def test_a_value_close_to_its_limit_is_distinguished_from_it(traces):
     asked = "score", traces / "unsafe.mcap", "--assigned"
     (row,) = run(*asked, "-f", "jsonl").rows
     done = run(*asked, "--set", f"edge={row['value'] + 1e-4:.6f} {row['unit']}")
-    match = re.search(r": (\S+) cm, limit (\S+) cm", " ".join(done.text.split()))
+    match = re.search(r": (\S+) cm to the edge, limit (\S+) cm", " ".join(done.text.split()))
     assert match is not None
     assert float(match[1]) < float(match[2])

@@ -254,13 +254,13 @@ def test_what_no_verdict_rests_on_is_found_where_all_is_read(tmp_path, name):
 
 @pytest.mark.parametrize("strict", [False, True])
 def test_what_contradicts_itself_is_not_used_and_the_rest_is_judged(tmp_path, strict):
-    ref = damaged(tmp_path, SHELF, d.contacts(peak_force=d.scaled(0.1)))
+    ref = damaged(tmp_path, CANS, d.contacts(peak_force=d.scaled(0.1)))
     found = score_episode(ref, rules(), strict=strict)
     if strict:
         assert isinstance(found, Problem)
         assert "peak" in found.message
         return
-    sound_one = score_episode(discover_one(SHELF[0]), rules())
+    sound_one = score_episode(discover_one(CANS[0]), rules())
     before = {v.rule: v.verdict for v in sound_one.verdicts}
     after = {v.rule: v.verdict for v in found.verdicts}
     assert doubtful_columns(found.notes) == ("peak forces",)

@@ -130,4 +130,4 @@ def test_an_episode_of_maniskills_own_recorder(tmp_path):
     scored = run("score", tmp_path / "data", "--rules", "fsh", "--format", "json")
     verdicts = {row["rule"]: row["verdict"] for row in json.loads(scored.text)["episodes"]}
     assert verdicts["FSH101"] == "pass"  # never moved: nothing was put down
-    assert verdicts["FSH105"] == "inconclusive"
+    assert verdicts["FSH105"] == "pass"  # lost no height, whoever may have held it

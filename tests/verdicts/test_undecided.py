@@ -19,11 +19,12 @@ SUCCESS = 1.0
 ROLES = {"target": ("cup",), "protected": ("vase",), "dependent": ("vase",)}
 
 
-def scene(frames: int = FRAMES, **cup: Any) -> Scene:
-    """A cup that is held for a moment, moved by 10 cm, and stands; a vase beside it."""
+def scene(frames: int = FRAMES, lifted: float = 0.0, **cup: Any) -> Scene:
+    """A cup that is held for a moment, lifted (m), moved by 10 cm, and stands; a vase beside it."""
     made = Scene(frames).fixed("table")
     x = np.interp(np.arange(frames), (30, 80), (0, 0.1))
-    path = np.stack([x, np.zeros(frames), np.full(frames, 0.05)], axis=1)
+    up = lifted * np.interp(np.arange(frames), (30, 55, 80), (0, 1, 0))
+    path = np.stack([x, np.zeros(frames), 0.05 + up], axis=1)
     made.box("cup", 0.05, path, **cup).box("vase", 0.05, (0.5, 0, 0.05), mass=cup.get("mass", 1.0))
     for side in ("left", "right"):
         away = np.array([0, 0.07 if side == "left" else -0.07, 0])
@@ -31,8 +32,9 @@ def scene(frames: int = FRAMES, **cup: Any) -> Scene:
         made.box(f"{side}_finger", 0.02, hand, kind="gripper", finger=side)
         force = (0, -5 if side == "left" else 5, 0)
         made.contact(f"{side}_finger", "cup", [(0, 0, 0)], force, force, slice(20, 90))
-    for name, at in (("cup", (0.1, 0, 0)), ("vase", (0.5, 0, 0))):
-        made.rests(name, "table", 0.05, at, G)
+    stands = np.flatnonzero(up == 0)
+    made.rests("cup", "table", 0.05, (0.1, 0, 0), G, frames=stands)
+    made.rests("vase", "table", 0.05, (0.5, 0, 0), G)
     return made
 
 
@@ -113,7 +115,7 @@ def test_a_body_has_no_up_axis() -> None:
 
 
 def test_the_fingers_are_not_named() -> None:
-    made = scene()
+    made = scene(lifted=0.1)
     made.bodies = [b.model_copy(update={"finger": None}) for b in made.bodies]
     found = said(made, "FSH105")
     assert "the left and the right finger" in found
