@@ -66,7 +66,7 @@ SIDE = {
     *((code, i) for code in ("ISH101", "ISH105", "ETS102", "ETS103", "ETS106", "FSH101", "FSH102") for i in (0, 1)),
     *((code, 1) for code in ("ISH104", "ISH201", "ISH203")),
 }  # fmt: skip
-"""Of which sketches the side shows what matters, not the front: the violating one, 0, or the passing one, 1."""
+"""(code, 0 violating or 1 passing): sketches drawn from the side; the others are drawn from the front."""
 
 MOMENTS = {
     ("ETS107", 1): 3.0, ("FSH105", 0): 4.02,

@@ -1,4 +1,4 @@
-"""What a worker process does in an audit: it audits the episodes that it is sent, one after the other."""
+"""An audit's worker process: audits each episode that it is sent."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ from .choose import choose
 
 
 def opened(settings: Settings, codes: tuple[str, ...]) -> Callable[[EpisodeRef], Any]:
-    """What audits an episode by the checks with these codes."""
+    """A function that audits an episode by the checks of these codes."""
     checks, rules = choose(codes), settings.rule_set
     return lasting(lambda ref: audit_episode(ref, checks, rules, settings.bind))

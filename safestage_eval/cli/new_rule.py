@@ -98,11 +98,35 @@ def _kind(spec: Signal) -> str:
 
 def _operator(signal: str) -> str:
     """On which side of a limit the built-in rules keep a signal; below where none speaks of it."""
-    for rule in load_rules(builtin_names()).rules.values():
-        for atom in rule.require.atoms if rule.require else ():
-            if isinstance(atom, ast.SignalAtom) and atom.call.name == signal:
-                return atom.limits[0].op[0] + "="
+    rules = load_rules(builtin_names())
+    clauses = [
+        (clause.what, clause.kind != "forbid")
+        for rule in rules.rules.values()
+        for clause in rule.clauses
+    ]
+    for states in (False, True):  # what a rule says itself comes before what its states say
+        for what, wanted in clauses:
+            for op, kept in _limits(rules, what, signal, wanted=wanted, states=states):
+                return (op if kept else _OTHER_SIDE[op]) + "="
     return "<="
+
+
+_OTHER_SIDE = {"<": ">", ">": "<"}
+
+
+def _limits(
+    rules: ast.RuleSet, what: ast.Alternative, signal: str, *, wanted: bool, states: bool
+) -> Iterator[tuple[str, bool]]:
+    """The sides of a signal's limits in a condition, and whether that is how it is wanted."""
+    for atom in what.atoms if isinstance(what, ast.Condition) else ():
+        if isinstance(atom, ast.SignalAtom) and atom.call.name == signal and atom.limits:
+            yield atom.limits[0].op[0], wanted
+        elif isinstance(atom, ast.AnyOf):
+            for one in atom.alternatives:
+                yield from _limits(rules, one, signal, wanted=wanted, states=states)
+        elif states and isinstance(atom, ast.StateAtom) and atom.call.name in rules.states:
+            when, same = rules.states[atom.call.name].when, wanted is atom.want
+            yield from _limits(rules, when, signal, wanted=same, states=True)
 
 
 def _scenes(spec: Signal, op: str) -> tuple[tuple[str, ...], Measured, Measured]:

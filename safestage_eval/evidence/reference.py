@@ -1,4 +1,4 @@
-"""What a change is measured from: the first frames in which a body rests, or an event."""
+"""The frames that a change is measured from: the first in which a body rests, or those of an event."""
 
 from __future__ import annotations
 

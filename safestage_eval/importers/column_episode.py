@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -82,7 +82,7 @@ class ColumnImporter(Importer):
         """
 
     def widths(self) -> dict[str, Sequence[str]]:
-        """Column → a name for each number in a row of it (empty where it has none), as far as they are told."""
+        """Column → the names of its numbers, as far as the source says; an empty name where it does not."""
         return {}
 
     @abstractmethod
@@ -301,6 +301,11 @@ class ColumnImporter(Importer):
                 f"velocities of {', '.join(derived)}", "differences of the poses",
                 cost="impacts shorter than two rows are smoothed",
             )  # fmt: skip
+
+
+def no_column(map_path: str, column: str, of: str, there: Iterable[str]) -> SourceError:
+    """The error for a column that the map file names and the source does not have."""
+    return SourceError(map_path, f"[columns] names {column!r}, which is no {of}.", ", ".join(there))
 
 
 def column_of(text: str) -> str:

@@ -18,7 +18,7 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.size_limits import current
 
 from . import hdf5
-from .column_episode import ColumnImporter, Rows
+from .column_episode import ColumnImporter, Rows, no_column
 from .importer import Settings, SourceError
 from .joint_columns import grouped, may_be_joints, plain
 from .known_files import described
@@ -50,9 +50,11 @@ class JointTable(ColumnImporter):
         """
         if settings.robot is None and settings.map.columns is None:
             known = described(path)
-            what = (
-                known.what if known is not None else "has joint positions and no poses of objects."
-            )
+            what = "has joint positions and no poses of objects."
+            if known is not None:
+                what = known.what
+            elif not any(may_be_joints(column) for column in _names(path)):
+                what = "has a column of time, none that is called joint positions, and no poses of objects."
             fix = "--robot FILE, the robot's URDF or MJCF, judges its joints alone (docs/import/joints.md)"
             raise SourceError(
                 str(path),
@@ -160,10 +162,7 @@ class JointTable(ColumnImporter):
                 columns[stem] = np.concatenate([single[part] for part in names], axis=1)
         missing = [column for column in wanted if column not in columns]
         if missing:
-            raise SourceError(
-                self._map_path, f"[columns] names {missing[0]!r}, which is no column of {self.path.name}.",
-                ", ".join(columns),
-            )  # fmt: skip
+            raise no_column(self._map_path, missing[0], f"column of {self.path.name}", columns)
         t = None
         for column, values in single.items():
             by = TIMES.get(column.rpartition("/")[2].rpartition(".")[2].lower())

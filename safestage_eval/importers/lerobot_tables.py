@@ -21,7 +21,7 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats.parquet.arrow_tables import arrow_file
 from safestage_eval.size_limits import current
 
-from .importer import SourceError
+from .column_episode import no_column
 
 F64 = NDArray[np.float64]
 
@@ -77,11 +77,8 @@ class Tables:
             schema = metadata.schema.to_arrow_schema()
         missing = [column for column in wanted if column not in schema.names]
         if missing:
-            raise SourceError(
-                map_path,
-                f"[columns] names {missing[0]!r}, which is no column of {file.name}.",
-                ", ".join(n for n in schema.names if n not in OWN),
-            )
+            there = (n for n in schema.names if n not in OWN)
+            raise no_column(map_path, missing[0], f"column of {file.name}", there)
         names = {*wanted, *OWN}
         with _reading(file):
             paths = [metadata.schema.column(i).path for i in range(metadata.num_columns)]

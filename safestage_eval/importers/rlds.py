@@ -25,7 +25,7 @@ from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
 
-from .column_episode import ColumnImporter, Rows
+from .column_episode import ColumnImporter, Rows, no_column
 from .importer import Settings, SourceError
 from .tfrecord import numbers, parse_example, read_record, record_places
 
@@ -101,11 +101,8 @@ class Rlds(ColumnImporter):
         for column in wanted:
             known = self._table.get(column)
             if known is None or known.width is None:
-                raise SourceError(
-                    self._map_path,
-                    f"[columns] names {column!r}, which is no column of numbers in features.json.",
-                    ", ".join(n for n, c in self._table.items() if c.width),
-                )
+                there = (n for n, c in self._table.items() if c.width)
+                raise no_column(self._map_path, column, "column of numbers in features.json", there)
             if known.encoded:
                 raise SourceError(
                     self._map_path, f"column {column!r} is stored in a compressed encoding.",

@@ -21,7 +21,7 @@ from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
 
-from .column_episode import ColumnImporter, Rows
+from .column_episode import ColumnImporter, Rows, no_column
 from .importer import Settings, SourceError
 
 F64 = NDArray[np.float64]
@@ -130,10 +130,7 @@ class VlaEval(ColumnImporter):
         columns = self._steps(name)
         missing = [column for column in wanted if column not in columns]
         if missing:
-            raise SourceError(
-                self._map_path, f"[columns] names {missing[0]!r}, which is no field of every step.",
-                ", ".join(columns),
-            )  # fmt: skip
+            raise no_column(self._map_path, missing[0], "field of every step", columns)
         number = list(self._episodes).index(name)
         return Rows({n: columns[n] for n in wanted}, number, None, self._episodes[name][2])
 

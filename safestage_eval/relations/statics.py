@@ -28,7 +28,7 @@ CONE_SIDES = 16
 TOLERANCE = 1e-6
 """Share of the total weight: forces that improve the balance by less are not looked for."""
 ALIKE = 1e-12
-"""What keeps the forces on edges of length 1 apart that do the same."""
+"""Added to the normal equations, which are singular where two edges do the same; edges have length 1."""
 ROUNDS = 1000
 """Times that edges may join: rounding could otherwise go on for ever."""
 PUSHES = 0.02 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])

@@ -140,11 +140,11 @@ _MEASURED = re.compile(
 
 
 MEASURES = {
-    "shift": "moved {}", "displacement": "moved {}", "tilt": "tilted {}", "edge_margin": "{} to the edge",
+    "moved_by_touch": "moved {}", "displacement": "moved {}", "tilt": "tilted {}", "edge_margin": "{} to the edge",
     "clearance": "{} apart", "clearance_xy": "{} apart from above", "peak_force": "hit with {}",
     "contact_force": "pressed with {}", "mean_speed": "moving at {}", "mean_turn_rate": "turning at {}",
 }  # fmt: skip
-"""Signal → what its number is, in words; of others the number is told alone."""
+"""Signal → its number in a phrase. Other signals show the number alone."""
 
 
 def in_short(v: Verdict) -> str:

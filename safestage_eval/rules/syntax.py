@@ -266,8 +266,9 @@ class Rule(_Judged):
 class Charge:
     """One entry of a cost: ``add`` per start, second or step that ``when`` holds, or times an amount.
 
-    An amount per start is that at the first frame of each stretch that is judged. It is what ``of`` exceeds ``above`` by, or falls short of ``below``; with ``whole`` all of
-    it, where it exceeds. A step is a control step of the policy.
+    An amount per start is that at the first frame of each stretch that is judged. It is what ``of`` exceeds
+    ``above`` by, or falls short of ``below``; with ``whole`` all of it, where it exceeds. A step is a
+    control step of the policy.
     """
 
     add: float = key("number", "How much to charge; more than 0.", required=True)

@@ -202,9 +202,11 @@ def test_of_very_many_problems_the_first_are_reported(tmp_path):
     assert len(json.loads(run("rules", "check", path, "--json").text)) == 1500
 
 
-@pytest.mark.parametrize("signal", ["edge_margin", "contact_force"])
+@pytest.mark.parametrize(
+    ("signal", "side"), [("edge_margin", ">="), ("contact_force", "<="), ("clearance", ">=")]
+)
 def test_a_new_rule_is_sound_and_its_scenes_are_as_it_says(
-    signal: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    signal: str, side: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for arguments in (
@@ -214,4 +216,5 @@ def test_a_new_rule_is_sound_and_its_scenes_are_as_it_says(
     ):
         done = run("rules", *arguments)
         assert done.code == 0, done.err
+    assert f'"{side} {signal}_limit"' in (tmp_path / "mine.toml").read_text("utf-8")
     assert run("rules", "new", "mine.toml", "--signal", signal).code == 2

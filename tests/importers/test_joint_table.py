@@ -169,6 +169,13 @@ def test_without_a_robot_it_says_what_to_add(tmp_path):
     assert "--robot FILE" in done.err
 
 
+def test_a_table_of_something_else_is_not_said_to_hold_joints(tmp_path):
+    source = csv(tmp_path / "t.csv", motion(1, 1), names=("temperature", "humidity"))
+    said = run("import", source, "--to", tmp_path / "data").err
+    assert "has a column of time" in said
+    assert "has joint positions" not in said
+
+
 def test_columns_that_fit_no_joint_are_listed(tmp_path):
     (tmp_path / "two.urdf").write_text(ARM)
     source = csv(tmp_path / "a.csv", motion(), names=("x1", "x2"))

@@ -7,7 +7,7 @@ import { outlineOf, shellOf } from "./limit_shell.js";
 import { colourNow } from "./theme_colours.js";
 import { amount, spoken } from "./elements.js";
 
-const TOUCHED = { contact_force: "", peak_force: "peak", shift: "shoved", displacement: "moved" };  // signal -> in words
+const TOUCHED = { contact_force: "", peak_force: "peak", moved_by_touch: "shoved", displacement: "moved" };  // signal -> in words
 const ALWAYS = 10;  // drawn after everything else
 
 function rod(material) {
