@@ -22,8 +22,7 @@ Ends = tuple[F64, F64]
 def combined(operation: str, operands: Sequence[Interval]) -> Ends:
     """Lower and upper end (T,) of a pointwise operation; one array where all operands are exact.
 
-    ``operation``: ``sum``, ``difference``, ``product``, ``quotient``, ``magnitude``, ``min``,
-    ``max``, ``abs`` or ``root``.
+    ``operation``: ``difference``, ``product``, ``magnitude`` or ``abs``.
     """
     ends = [(one.lower, one.upper) for one in operands]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -32,16 +31,12 @@ def combined(operation: str, operands: Sequence[Interval]) -> Ends:
             return _known(lambda x, y: x - y, (a, d), (b, c))
         if operation == "abs":
             return _size(ends[0])
-        if operation == "root":
-            return _root(ends[0])
-        if operation == "quotient":
-            return _divided(ends[0], ends[1])
         if operation == "magnitude":
             squares = [_squared(_size(end)) for end in ends]
             low, high = reduce(_sum, squares)
             root = np.sqrt(low)
             return root, root if high is low else np.sqrt(high)
-        return reduce(_OF_TWO[operation], ends)
+        return reduce(_times, ends)
 
 
 def change_per_second(of: Interval, t: F64) -> Ends:
@@ -128,14 +123,6 @@ def _sum(a: Ends, b: Ends) -> Ends:
     return _known(lambda x, y: x + y, (a[0], b[0]), (a[1], b[1]))
 
 
-def _least(a: Ends, b: Ends) -> Ends:
-    return _known(np.minimum, (a[0], b[0]), (a[1], b[1]))
-
-
-def _greatest(a: Ends, b: Ends) -> Ends:
-    return _known(np.maximum, (a[0], b[0]), (a[1], b[1]))
-
-
 def _times(a: Ends, b: Ends) -> Ends:
     if a[0] is a[1] and b[0] is b[1]:
         found = a[0] * b[0]
@@ -144,28 +131,6 @@ def _times(a: Ends, b: Ends) -> Ends:
     corners = np.array([x * y for x in a for y in b])
     corners = np.where(np.isnan(corners), 0.0, corners)  # 0 · ∞
     return corners.min(axis=0), corners.max(axis=0)
-
-
-def _divided(over: Ends, under: Ends) -> Ends:
-    """The quotient; anything where the divisor may be 0."""
-    low, high = under
-    open_ = (low <= 0) & (high >= 0)
-    first = np.where(open_, 1.0, 1 / np.where(open_, 1.0, high))
-    second = first if low is high else np.where(open_, 1.0, 1 / np.where(open_, 1.0, low))
-    lower, upper = _times(over, (first, second))
-    if lower is upper and not open_.any():
-        return lower, lower
-    return np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper)
-
-
-def _root(end: Ends) -> Ends:
-    """√x; anything where x may be negative."""
-    low, high = end
-    open_ = low < 0
-    lower = np.where(open_, -np.inf, np.sqrt(np.maximum(low, 0.0)))
-    if low is high and not open_.any():
-        return lower, lower
-    return lower, np.where(open_, np.inf, np.sqrt(np.maximum(high, 0.0)))
 
 
 def _size(end: Ends) -> Ends:
@@ -180,10 +145,6 @@ def _squared(end: Ends) -> Ends:
     low = end[0] * end[0]
     return low, low if end[1] is end[0] else end[1] * end[1]
 
-
-_OF_TWO: dict[str, Callable[[Ends, Ends], Ends]] = {
-    "sum": _sum, "product": _times, "min": _least, "max": _greatest,
-}  # fmt: skip
 
 # ---- how smooth a motion is, by the length of its spectrum: SPARC
 #

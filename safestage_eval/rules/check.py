@@ -74,8 +74,6 @@ def read(files: Sequence[RuleFile]) -> tuple[list[Diagnostic], ast.RuleSet]:
         states=defined["state"],
         phases=defined["phase"],
         goals=defined["goal"],
-        families=defined["family"],
-        tasks=defined["task"],
         rules=judged["rule"],
         costs=judged["cost"],
         derived={name: one for name, one in signals if isinstance(one, ast.DerivedDef)},

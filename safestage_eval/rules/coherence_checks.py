@@ -262,7 +262,7 @@ class Coherence:
 
 def _definitions(file: RuleFile) -> Iterator[tuple[tuple[str, ...], Any, Keys]]:
     """Kind and name, value as written, and place of all that a file defines."""
-    for kind in ("param", "signal", "state", "phase", "goal", "family", "task"):
+    for kind in ("param", "signal", "state", "phase", "goal"):
         for name, value in table_of(file.table, kind).items():
             yield (kind, name), value, (kind, name)
     for material, row in table_of(file.table, "material").items():

@@ -22,7 +22,7 @@ class Comparison:
         same: codes that mean the same.
         digests: code → digest before and after, of the changed ones.
         unread: parameters that differ and that no rule of both sets reads.
-        others: goals, families and tasks that come, go or say something else, in words.
+        others: goals that come, go or say something else, in words.
     """
 
     added: Mapping[str, str]
@@ -35,7 +35,7 @@ class Comparison:
 
     @property
     def empty(self) -> bool:
-        """Every rule, goal, family and task means the same in both."""
+        """Every rule and goal means the same in both."""
         return not (self.added or self.removed or self.changed or self.others)
 
     def shared(self) -> dict[Part, list[str]]:
@@ -87,15 +87,11 @@ def compare(before: ast.RuleSet, after: ast.RuleSet) -> Comparison:
 
 
 def _others(before: ast.RuleSet, after: ast.RuleSet) -> Iterator[str]:
-    for kind, old, new in (
-        ("goal", _reaching(before), _reaching(after)),
-        ("family", before.families, after.families),
-        ("task", before.tasks, after.tasks),
-    ):
-        for name in sorted(old.keys() | new.keys()):
-            if old.get(name) != new.get(name):
-                change = "changed" if name in old and name in new else "added"
-                yield f"{kind} {name} {change if name in new else 'left out'}"
+    old, new = _reaching(before), _reaching(after)
+    for name in sorted(old.keys() | new.keys()):
+        if old.get(name) != new.get(name):
+            change = "changed" if name in old and name in new else "added"
+            yield f"goal {name} {change if name in new else 'left out'}"
 
 
 def _reaching(rules: ast.RuleSet) -> dict[str, Any]:

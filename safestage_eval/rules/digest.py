@@ -18,9 +18,7 @@ _UNORDERED = {"atoms", "alternatives", "limits", "roles", "excluding", "charge"}
     kind for kind, clause in CLAUSES.items() if clause.value == "alternatives"
 }
 """Fields whose order says nothing."""
-_LATER = {"perhaps", "also", "below", "whole", "named", "over"} | (
-    CLAUSES.keys() - {"require", "forbid", "reach"}
-)
+_LATER = {"perhaps", "also", "below", "over"} | (CLAUSES.keys() - {"require", "forbid", "reach"})
 """Fields that came into the language later: where they are not used, a digest is what it was."""
 
 

@@ -1,7 +1,6 @@
 """The binding of an episode: its roles, goal, assigned rules and parameter values, and their sources.
 
-The rule file's ``[task.X]`` says most, then a bind file, then the trace's header, then its family,
-then the rule's own ``set``, then ``[param]``. ``--assign``, ``--role`` and ``--set`` beat them all.
+A bind file says most, then the trace's header, then the rule's own ``set``, then ``[param]``. ``--assign``, ``--role`` and ``--set`` beat them all.
 Where no source assigns rules, all those are assigned whose roles are bound.
 """
 
@@ -36,8 +35,7 @@ class Binding:
         goal: native success in the rule language, None if it is not given or not loaded.
         family: of the task.
         provenance: ``roles.target``, ``rules``, ``goal``, ``family``, ``param.edge`` → where it
-            comes from (``trace header``, ``bind file``, ``rule file``, ``family NAME``,
-            ``command line``, ``--set``; ``BY_ROLES`` for rules that no source assigns).
+            comes from (``trace header``, ``bind file``, ``command line``, ``--set``; ``BY_ROLES`` for rules that no source assigns).
         notes: what was asked for and could not be found.
         untagged: warnings about roles whose bodies lack the tag that rules ask for.
     """
@@ -73,7 +71,7 @@ class Binding:
         """Where the rule's bodies and its own assignment come from, and values that are not its own.
 
         ``used``: names of the parameters that the rule reads. One text each, such as
-        ``target = mug: trace header``, ``edge = 3 cm: --set``, ``assigned: family pour``.
+        ``target = mug: trace header``, ``edge = 3 cm: --set``, ``assigned: bind file``.
         """
         lines = [
             f"{name} = {', '.join(self.roles[name])}: {self.provenance[f'roles.{name}']}"
@@ -110,15 +108,9 @@ class Binding:
     def unbound(self, rule: ast.Scoped) -> tuple[str, ...]:
         """Roles of a rule that no source binds; an empty list binds a role to no body.
 
-        ``every KIND`` is computed from the bodies of the trace, so it needs no binding; ``every KIND
-        named`` only that some role of the task is bound.
+        ``every KIND`` is computed from the bodies of the trace, so it needs no binding.
         """
-        return tuple(
-            name
-            for name, spec in rule.roles
-            if name not in self.roles
-            and (not spec.every or (spec.named is not None and not self.roles))
-        )
+        return tuple(name for name, spec in rule.roles if name not in self.roles and not spec.every)
 
     def playable(self, rule: ast.Scoped, header: Header) -> bool:
         """Whether every role of a rule is bound to a body, each to a body of its own."""
@@ -185,7 +177,7 @@ def bind_episode(
     """Resolve what holds for an episode.
 
     Args:
-        rules: the rule set, with its ``[task.X]`` and ``[family.X]``.
+        rules: the rule set.
         header: of the trace.
         bind: a checked bind file.
         overrides: parameter → value as written on the command line.
@@ -194,11 +186,8 @@ def bind_episode(
         RuleError: an unknown parameter, a value of the wrong dimension, a role without a body, a
             goal that makes no sense.
     """
-    task = header.task or ""
     layers = [("trace header", _from_header(rules, header))]
     layers += [("bind file", layer) for layer in (bind.layers(header) if bind else ())]
-    if task in rules.tasks:
-        layers.append(("rule file", rules.tasks[task]))
     if bind is not None and bind.command:
         said = {role: players for _, layer in layers for role, players in layer.roles}
         layers.append(("command line", bind.command.layer(header, said)))
@@ -209,14 +198,6 @@ def bind_episode(
     goal: str | ast.GoalDef | None = None
     assigned: tuple[str, ...] = ()
     for source, layer in layers:
-        if layer.family:
-            family, provenance["family"] = layer.family, source
-    if family is not None and family in rules.families:
-        assigned = rules.families[family].rules
-        values.update(rules.families[family].set)
-        provenance.update({f"param.{name}": f"family {family}" for name in values})
-        provenance["rules"] = f"family {family}"
-    for source, layer in layers:
         for role, players in layer.roles:
             roles[role], provenance[f"roles.{role}"] = players, source
         for name, value in layer.set:
@@ -225,6 +206,8 @@ def bind_episode(
             assigned, provenance["rules"] = layer.rules, source
         if layer.goal:
             goal, provenance["goal"] = layer.goal, source
+        if layer.family:
+            family, provenance["family"] = layer.family, source
     goal_def, notes = _goal(rules, header, goal)
     demand_players(rules, goal_def, header, roles, provenance)
     chosen = parse_overrides(rules, overrides or {})

@@ -119,10 +119,11 @@ class Locations:
         first = self._position
         repeated = self._text.startswith("[[", first)
         self._position += 2 if repeated else 1
-        *parents, last = (part for part, _ in self._key_parts())
+        *parents, (last, _) = self._key_parts()
         path: Keys = ()
-        for part in parents:
+        for part, spot in parents:
             path = self._inside((*path, part))
+            self._keys.setdefault(path, spot)
         path = (*path, last)
         if repeated:
             self._arrays[path] = self._arrays.get(path, -1) + 1

@@ -219,8 +219,6 @@ def _name(item: Any) -> str:
         return str(item.call)
     if isinstance(item, ast.Event):
         return syntax_words.event(item)
-    if isinstance(item, ast.PastAtom | ast.PairAtom):
-        return syntax_words.atom(replace(item, want=True), {})
     return (
         syntax_words.atom(item, {})
         if isinstance(item, ast.AnyOf)

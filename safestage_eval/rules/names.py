@@ -39,7 +39,6 @@ class Names:
         phases: phase → formal arguments.
         variants: declared signal → what it is, with its options given.
         derived: declared signals that are computed from others, as TOML gives them.
-        goals, families, rules: names alone.
     """
 
     params: dict[str, str | None] = field(default_factory=dict)
@@ -48,9 +47,6 @@ class Names:
     phases: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     variants: dict[str, Signal | None] = field(default_factory=dict)
     derived: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    goals: set[str] = field(default_factory=set)
-    families: set[str] = field(default_factory=set)
-    rules: set[str] = field(default_factory=set)
 
     @classmethod
     def of_table(cls, tables: Iterable[Mapping[str, Any]]) -> Names:
@@ -76,9 +72,6 @@ class Names:
                 **{name: derived_signal(one) for name, one in rules.derived.items()},
             },
             derived={name: {"of": one.of} for name, one in rules.derived.items()},
-            goals=set(rules.goals),
-            families=set(rules.families),
-            rules={*rules.rules, *rules.costs},
         )
 
     def signal(self, name: str) -> Signal | None:
@@ -111,12 +104,6 @@ class Names:
             base = value.get("base") if isinstance(value, dict) else None
             spec = SIGNALS.get(base) if isinstance(base, str) else None
             self.variants[name] = spec.variant(value) if spec is not None else None
-        self.goals |= table_of(table, "goal").keys()
-        self.families |= table_of(table, "family").keys()
-        listed = [table.get(kind) for kind in ("rule", "cost")]
-        for rule in (rule for rules in listed if isinstance(rules, list) for rule in rules):
-            if isinstance(rule, dict) and isinstance(rule.get("code"), str):
-                self.rules.add(rule["code"])
 
     def operand_dimension(self, value: Any) -> str | None:
         """Dimension of the operands of a derived signal, as TOML gives them; None if unknown."""

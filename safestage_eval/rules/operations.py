@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from safestage_eval.units import an, dimension_of_powers, powers_of, same_kind
+from safestage_eval.units import dimension_of_powers, powers_of, same_kind
 
 Operation = Literal[
-    "sum", "difference", "product", "quotient", "magnitude", "min", "max", "abs", "root",
-    "derivative", "integral", "sparc", "holds",
+    "difference", "product", "magnitude", "abs", "derivative", "integral", "sparc", "holds",
 ]  # fmt: skip
 
 
@@ -22,8 +21,8 @@ class OperationSpec:
         meaning: one sentence, shown by editors.
         least, most: how many operands it takes.
         result: of which dimension it is: the ``same`` as its operands, which share one; that of
-            their ``product`` or ``quotient``; that of its operand ``per second`` or ``times
-            seconds``; that of its ``root``; a plain ``number``; a ``ratio``.
+            their ``product``; that of its operand ``per second`` or ``times seconds``; a plain
+            ``number``; a ``ratio``.
         pointwise: its value at a frame depends on its operands at that frame alone.
         over: it may be given a time over which it is taken.
         of_state: its operand is a state or relation.
@@ -33,9 +32,7 @@ class OperationSpec:
     meaning: str
     least: int
     most: int
-    result: Literal[
-        "same", "product", "quotient", "per second", "times seconds", "root", "number", "ratio"
-    ]
+    result: Literal["same", "product", "per second", "times seconds", "number", "ratio"]
     pointwise: bool = True
     over: bool = False
     of_state: bool = False
@@ -45,17 +42,10 @@ class OperationSpec:
 MANY = 8
 
 OPERATIONS: dict[Operation, OperationSpec] = {
-    "sum": OperationSpec("All of them added up.", 2, MANY, "same"),
     "difference": OperationSpec("The first less the second.", 2, 2, "same"),
     "product": OperationSpec("All of them multiplied.", 2, MANY, "product"),
-    "quotient": OperationSpec(
-        "The first divided by the second; not known where that may be 0.", 2, 2, "quotient"
-    ),
     "magnitude": OperationSpec("Root of the sum of their squares.", 2, MANY, "same"),
-    "min": OperationSpec("The least of them.", 2, MANY, "same"),
-    "max": OperationSpec("The greatest of them.", 2, MANY, "same"),
     "abs": OperationSpec("Its size, without its sign.", 1, 1, "same"),
-    "root": OperationSpec("Its square root; not known where it may be negative.", 1, 1, "root"),
     "derivative": OperationSpec(
         "Its change since the sample before, or with `over` within that time around it, per second.",
         1, 1, "per second", pointwise=False, over=True,
@@ -99,21 +89,14 @@ def dimension_of_result(operation: Operation, given: Sequence[str]) -> str:
     if "temperature" in given and result != "per second":
         raise DimensionError(
             f"{operation} of a temperature, whose zero is arbitrary",
-            "the difference of two temperatures in sum, difference, min or max",
+            "the difference of two temperatures",
         )
     if result in ("number", "ratio"):
         return result
     powers: dict[str, int] = {}
-    for place, dimension in enumerate(given):
-        sign = -1 if result == "quotient" and place else 1
+    for dimension in given:
         for unit, power in powers_of(dimension).items():
-            powers[unit] = powers.get(unit, 0) + sign * power
-    if result == "root":
-        if any(power % 2 for power in powers.values()):
-            raise DimensionError(
-                f"root of {an(given[0])}, which is no square", "a square: an area, a ratio, …"
-            )
-        powers = {unit: power // 2 for unit, power in powers.items()}
+            powers[unit] = powers.get(unit, 0) + power
     seconds = {"per second": -1, "times seconds": 1}.get(result, 0)
     powers["s"] = powers.get("s", 0) + seconds
     if set(given) <= {"number", "ratio"} and not seconds:

@@ -11,7 +11,7 @@ from . import string_parser
 from . import syntax as ast
 from .names import RESERVED, unfit
 from .read_values import Place, Scope, Values
-from .table_keys import IN_BIND, REPEATED, TABLES
+from .table_keys import GONE, IN_BIND, REPEATED, TABLES
 
 CODE = "[A-Z]{3}[0-9]{3}"
 """A rule's code: three letters for its stage or benchmark, three digits."""
@@ -36,8 +36,6 @@ KINDS: dict[str, _Type] = {
     "base": _Type(str, "the name of a built-in signal, in quotes"),
     "box": _Type(list, '[["-50 cm", "-1 m", "0 m"], ["1 m", "1 m", "1.5 m"]]'),
     "code": _Type(str, 'text in quotes: "ETS101"', "code"),
-    "goal": _Type(str, "the name of a goal, in quotes", "declared"),
-    "family": _Type(str, "text in quotes", "declared"),
     "goal table": _Type((str, dict), "the name of a goal, or { roles = { … }, require = { … } }", "bound_goal"),
     "span": _Type(str, 'a span in quotes: "last 1 s of hold"', "span"),
     "event": _Type(str, 'an event in quotes: "success", "start of moved(target)"', "event"),
@@ -51,7 +49,6 @@ KINDS: dict[str, _Type] = {
     "alternatives": _Type((str, dict, list), '"moved(target)", a condition, or a list of both', "alternatives"),
     "texts": _Type(list, '["…", "…"]', "texts"),
     "names": _Type(list, '["a", "b"]', "declared_names"),
-    "rules": _Type(list, '["…", "…"]', "assigned"),
     "codes": _Type(list, '["…", "…"]', "codes"),
     "charges": _Type(list, '[{ when = "…", add = 1, per = "start" }]', "charges"),
     "roles": _Type(dict, '{ target = "object" }', "roles"),
@@ -82,10 +79,7 @@ class Kinds(Values):
             self.report("R203", here, what, f"{label} and its keys")
             return {}
         for name in table.keys() - spec.keys():
-            what = f'{label} has no key "{name}"'
-            self.report(
-                "R201", here.inner(name, key=True), what, ", ".join(spec), near=(name, spec)
-            )
+            self.stranger(f"{kind}.{name}", label, spec, here.inner(name, key=True))
         good = {}
         for name, key in spec.items():
             if name not in table:
@@ -101,6 +95,15 @@ class Kinds(Values):
             if node is not None:
                 good[name] = node
         return good
+
+    def stranger(self, name: str, label: str, known: Iterable[str], here: Place) -> None:
+        """A key or table that the language does not have, or has no more."""
+        gone, word = GONE.get(name, ""), str(here.keys[-1])
+        near = None if gone else (word, known)
+        what = (
+            f'{label} has no {"key" if "." in name else "table"} "{word}"{" any more" * bool(gone)}'
+        )
+        self.report("R201", here, what, ", ".join(known), gone, near=near)
 
     def wrong(self, here: Place, what: str, allowed: str = "") -> None:
         """A value of the right type that does not do."""
@@ -176,31 +179,12 @@ class Kinds(Values):
                     self.report("R210", at, f'"{name}" stands here twice')
         return names
 
-    def assigned(self, items: list[Any], here: Place, scope: Scope) -> tuple[str, ...]:
-        """Codes of rules that there are."""
-        codes, known = self.texts(items, here, scope), self.names.rules
-        for index, code in enumerate(codes):
-            if code not in known:
-                allowed = ", ".join(sorted(known)) or "codes of rules"
-                what = f'there is no rule "{code}"'
-                self.report("R401", here.inner(index), what, allowed, near=(code, known))
-        return codes
-
     def codes(self, items: list[Any], here: Place, scope: Scope) -> tuple[str, ...]:
         """Codes of rules that need not be loaded."""
         codes = self.texts(items, here, scope)
         for index, code in enumerate(codes):
             self.code(code, here.inner(index), scope)
         return codes
-
-    def declared(self, name: str, here: Place, _: Scope) -> str:
-        """The name of a goal or family that there is."""
-        kind = str(here.keys[-1])
-        among = self.names.goals if kind == "goal" else self.names.families
-        if name not in among:
-            allowed = ", ".join(sorted(among)) or f"a [{kind}.NAME] of this file or one it extends"
-            self.report("R401", here, f'there is no {kind} "{name}"', allowed, near=(name, among))
-        return name
 
     def signal_call(self, text: str, here: Place, scope: Scope) -> ast.Call | None:
         """A signal with its roles."""
@@ -296,7 +280,7 @@ class Kinds(Values):
         if good.get("add", 1) <= 0:
             self.wrong(here.inner("add"), "a charge adds to the cost", "a number above 0")
         given = value if isinstance(value, dict) else {}
-        for limit in ("above", "below", "whole"):
+        for limit in ("above", "below"):
             if limit in given and "when" in given:
                 self.report("R205", here.inner(limit, key=True), f'"{limit}" goes with "of" only')
             if "below" in given and limit in given and limit != "below":

@@ -17,7 +17,7 @@ from .operations import OPERATIONS, DimensionError, Operation, dimension_of_resu
 from .read_kinds import CODE, Kinds
 from .read_values import Place, Read, Scope
 from .signal_options import read_option, read_options
-from .table_keys import NAMED, REPEATED, TABLES, TOP
+from .table_keys import GONE, NAMED, REPEATED, TABLES, TOP
 
 WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
 """Words that a rule's ``explain`` may use besides roles and states."""
@@ -70,8 +70,7 @@ class Tables(Kinds):
         for name, value in self.file.table.items():
             here = Place((name,), key=True)
             if name not in TOP:
-                what = f'a rule file has no table "{name}"'
-                self.report("R201", here, what, ", ".join(TOP), near=(name, TOP))
+                self.stranger(name, "a rule file", TOP, here)
             elif name in REPEATED and not isinstance(value, list):
                 self.report("R203", here, f"[{name}] is repeated, one for each", f"[[{name}]]")
             elif name not in REPEATED and not isinstance(value, dict):
@@ -132,10 +131,7 @@ class Tables(Kinds):
             "phase": self._phase,
             "goal": self.goal,
         }
-        if kind in read:
-            return read[kind](name, value, here)
-        good = self.table(kind, value, here, Scope(""))
-        return (ast.FamilyDef if kind == "family" else ast.TaskDef)(name, **good)
+        return read[kind](name, value, here)
 
     def _state(self, name: str, value: Any, here: Place) -> ast.StateDef | None:
         scope = self._formals("state", name, value)
@@ -173,14 +169,14 @@ class Tables(Kinds):
             self.report("R205", here.inner(operations[-1], key=True), what, allowed)
         elif operations:
             return self._derived(name, operations[0], table, here, scope)
-        elif base is None:
+        elif base is None and not any(f"signal.{key}" in GONE for key in value):
             what = f'[signal.{name}] needs "base", or an operation'
             allowed = f'base = "impact"; or one of {", ".join(OPERATIONS)} = [...]'
             self.report("R202", here.at_key, what, allowed)
-        elif base not in SIGNALS:
+        elif base is not None and base not in SIGNALS:
             what = f'there is no built-in signal "{base}"'
             self.report("R401", here.inner("base"), what, ", ".join(SIGNALS), near=(base, SIGNALS))
-        else:
+        elif base is not None:
             self.scope(("signal", name), f"signal {name}")
             return self._variant(name, base, table, here)
         return None

@@ -441,30 +441,12 @@ class Values:
         if atom is None:
             scope.unreadable()
             return None
-        if not isinstance(atom, ast.SignalAtom):
-            return self._of_states(atom, value, here, scope)
         if atom.since is not None:
             self.moment(atom.since, at_key, scope)
         kind = self.call(atom.call, at_key, scope)
         if kind == "signal":
             return self._limits(atom, value, here, scope)
         return self._truth(atom, value, here, scope) if kind == "state" else None
-
-    def _of_states(
-        self, atom: ast.PastAtom | ast.PairAtom, value: Any, here: Place, scope: Scope
-    ) -> ast.Atom | None:
-        """States as they were, and two that are compared."""
-        other = atom.begun if isinstance(atom, ast.PastAtom) else atom.other
-        for call in (atom.call, *([] if other is None else [other])):
-            self._demand_state(call, "this", here.at_key, scope)
-        if isinstance(atom, ast.PastAtom):
-            for lasting in (atom.recent, atom.far):
-                self.timed(lasting, here.at_key, scope)
-        if isinstance(value, bool):
-            return replace(atom, want=atom.want == value)
-        what = f"{literal(value)} does not fit: states hold or do not"
-        self.report("R405", here, what, "true, false")
-        return None
 
     def _limits(
         self, atom: ast.SignalAtom, value: Any, here: Place, scope: Scope

@@ -25,9 +25,6 @@ def bodies_of(
     tags = {b.name: b.tags for b in header.bodies}
     if spec.kind == "joint":
         tags |= {joint.name: _joint_tags(joint, header) for joint in header.joints}
-    if name not in roles and spec.named is not None:
-        of_task = {body for players in roles.values() for body in players}
-        bodies = [b for b in bodies if (b in of_task) == spec.named] if roles else []
     return tuple(
         b for b in bodies if b not in excluded and (spec.tag is None or spec.tag in tags[b])
     )

@@ -128,7 +128,7 @@ def _option(option: Option) -> dict[str, Any]:
 def _key(key: Key) -> dict[str, Any]:
     names = f"^{_NAME}$"
     match key.kind:
-        case "text" | "sentence" | "goal" | "goal table" | "family":
+        case "text" | "sentence" | "goal table":
             return {"type": "string"}
         case "base":
             return {"enum": list(SIGNALS)}
@@ -138,7 +138,7 @@ def _key(key: Key) -> dict[str, Any]:
             return {"const": FORMAT}
         case "code":
             return _text(CODE)
-        case "texts" | "rules" | "codes":
+        case "texts" | "codes":
             return {"type": "array", "items": {"type": "string"}}
         case "names":
             return {"type": "array", "items": _text(_NAME), "uniqueItems": True}
@@ -217,7 +217,6 @@ def _condition(nested: str | None) -> dict[str, Any]:
             "anyOf": [{"type": "boolean"}, _text(pattern("COUNT"))],
             "description": relation.meaning,
         }
-    entries[f"^{pattern('PAST')}$"] = {"type": "boolean"}
     built_in = "|".join([*SIGNALS, *RELATIONS])
     entries[rf"^(?!(?:{built_in})\(){pattern('CALL')}(?: since {pattern('EVENT')})?$"] = {
         "anyOf": [

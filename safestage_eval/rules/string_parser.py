@@ -24,15 +24,22 @@ GRAMMAR = {
     "REFERENCE": r"-?{NAME}(\({NAME}\))?",
     "LIMIT": "(>=|<=|>|<) ?({QUANTITY}|{REFERENCE})",
     "COUNT": "at (least|most) {INTEGER} {NAME}",
-    "AGO": r"\[{DURATION}(, *{DURATION})?\]",
-    "PAST": "(once|always){AGO}? {CALL}|{CALL} since{AGO} {CALL}|{CALL} (iff|xor) {CALL}",
-    "ATOM": "{CALL}( since {EVENT})?|{PAST}",
+    "ATOM": "{CALL}( since {EVENT})?",
     "SPAN": "((first|last) {DURATION} of )*"
     "(episode|{NAME}|{CALL}|{DURATION} (before|after) {EVENT}|from {EVENT} to {EVENT})"
     "( while {CALL})*",
-    "ROLE": "((every )?{KIND}|every {KIND} (named|unnamed))( tagged {NAME})?( except {NAME}(, *{NAME})*)?",
+    "ROLE": "(every )?{KIND}( tagged {NAME})?( except {NAME}(, *{NAME})*)?",
 }
 """Production → its words, and other productions in braces. | or, ? perhaps, * any number of times."""
+
+GONE_ATOMS = {
+    r"^once\b": 'a [state.NAME] that is latched (when, until = "end"), or the span "DUR after end of state(role, …)"',
+    r"^always\b": 'a [state.NAME] with for = "DUR"',
+    r" since\[": '"from start of b(role, …) to end of a(role, …)", or a [state.NAME] with when and until',
+    r"\) iff ": "any = [{ both true }, { both false }]",
+    r"\) xor ": "any = [{ one true, the other false }, { the other way round }]",
+}
+"""What conditions could say once → what says it now."""
 
 ROLE_KINDS = (
     "object", "surface", "container", "fixture", "body", "link", "gripper", "region", "joint",
@@ -266,49 +273,13 @@ class _Text:
             return ast.Whole()
         return ast.PhaseSpan(ast.Call(lasting.name, (), (first,)))
 
-    def ago(
-        self,
-    ) -> tuple[ast.Duration | ast.Parameter, ast.Duration | ast.Parameter | None] | None:
-        """``[1 s, 2 s]``: from when to when before now; None if it is none."""
-        if not self.take(r"\["):
-            return None
-        first = self.at
-        near = self.duration()
-        far = self.duration() if near is not None and self.take(", *") else None
-        said = self.text[first : self.at]
-        if near is None or not self.take(r"\]"):
-            return None
-        fixed = isinstance(near, ast.Duration) and isinstance(far, ast.Duration)
-        if fixed and near.frames == far.frames and far.amount < near.amount:  # type: ignore[union-attr]
-            back = " to ".join(re.split(", *", said))
-            raise GrammarError(
-                f"{self.text!r} looks back from {back} ago", "the shorter time first"
-            )
-        return near, far
-
-    def atom(self) -> ast.SignalAtom | ast.PastAtom | ast.PairAtom | None:
+    def atom(self) -> ast.SignalAtom | None:
         """The left side of an entry; without its limits, or what it shall be."""
-        if how := self.take(r"(once|always)(?=[ \[])"):
-            bounds = self.ago() or (ast.Duration(0.0, text="0 s"), None)
-            call = self.call() if self.take(" ") else None
-            kind = cast('Literal["once", "always"]', how[1])
-            return None if call is None else ast.PastAtom(kind, call, *bounds)
-        left = self.call()
-        if left is None:
-            return None
-        if self.take(r" since(?=\[)"):
-            ago = self.ago()
-            begun = self.call() if ago is not None and self.take(" ") else None
-            return (
-                None if begun is None or ago is None else ast.PastAtom("since", left, *ago, begun)
-            )
-        if self.take(" since "):
-            event = self.event()
-            return None if event is None else ast.SignalAtom(left, (), event)
-        if pair := self.take(" (iff|xor) "):
-            other = self.call()
-            return None if other is None else ast.PairAtom(left, other, pair[1] == "iff")
-        return ast.SignalAtom(left, ())
+        call = self.call()
+        if call is None or not self.take(" since "):
+            return None if call is None else ast.SignalAtom(call, ())
+        event = self.event()
+        return None if event is None else ast.SignalAtom(call, (), event)
 
 
 @_remembered
@@ -362,17 +333,14 @@ def span(text: str) -> ast.Span:
 
 
 @_remembered
-def atom(text: str) -> ast.SignalAtom | ast.PastAtom | ast.PairAtom:
-    """The left side of an entry: ``"displacement(cup) since success"``, ``"p(a) iff q(b)"``."""
-    node: ast.SignalAtom | ast.PastAtom | ast.PairAtom | None = _Text(text).whole(_Text.atom)
+def atom(text: str) -> ast.SignalAtom:
+    """The left side of an entry: ``"displacement(cup) since success"``. Raises GrammarError."""
+    node: ast.SignalAtom | None = _Text(text).whole(_Text.atom)
     if node is not None:
         return node
-    if re.match(r"(once|always)\b(?!\()|.*\) (iff|xor) |.* since\[", text):
-        raise GrammarError(
-            f"{text!r} does not say of which states, and when",
-            "once[DUR, DUR] state(role, …), always[DUR, DUR] state(…), "
-            "state(…) since[DUR, DUR] state(…), state(…) iff state(…), state(…) xor state(…)",
-        )
+    for gone, instead in GONE_ATOMS.items():
+        if re.search(gone, text):
+            raise GrammarError(f"{text!r} is not in the language any more", instead)
     if head := re.fullmatch(rf"{NAME}\([^)]*\) since (.+)", text):
         event(head[1])
     foreign = re.match(QUERY, text)
@@ -410,19 +378,13 @@ def _bare(name: str) -> str:
 def role(text: str) -> ast.RoleSpec:
     """``"object"``, ``"every object tagged fragile except target"``. Raises GrammarError."""
     match = re.fullmatch(
-        rf"(every )?({'|'.join(ROLE_KINDS)})(?: (named|unnamed))?(?: tagged ({NAME}))?(?: except ({NAME}(?:, *{NAME})*))?",
+        rf"(every )?({'|'.join(ROLE_KINDS)})(?: tagged ({NAME}))?(?: except ({NAME}(?:, *{NAME})*))?",
         text,
     )
     if match is None:
-        raise GrammarError(
-            f"{text!r} does not say what may play a role",
-            f"[every] {'|'.join(ROLE_KINDS)} [named|unnamed] [tagged TAG] [except role, …]",
-        )
-    if match[3] and not match[1]:
-        raise GrammarError(
-            f"{text!r}: of one body it says nothing whether the task names it",
-            f'"every {match[2]} {match[3]}"',
-        )
-    excluding = tuple(name.strip() for name in match[5].split(",")) if match[5] else ()
-    named = {"named": True, "unnamed": False}.get(match[3])
-    return ast.RoleSpec(match[2], bool(match[1]), match[4], excluding, named, text)
+        allowed = f"[every] {'|'.join(ROLE_KINDS)} [tagged TAG] [except role, …]"
+        if re.search(r" (un)?named\b", text):
+            allowed += "; instead of named and unnamed: except role, … or a tag from a bind file's [body.NAME]"
+        raise GrammarError(f"{text!r} does not say what may play a role", allowed)
+    excluding = tuple(name.strip() for name in match[4].split(",")) if match[4] else ()
+    return ast.RoleSpec(match[2], bool(match[1]), match[3], excluding, text)

@@ -1,8 +1,8 @@
 """The abstract syntax of the rule language: what a checked rule file means, with SI numbers.
 
-The tables of a file; what stands in their strings (quantities, limits, events, spans, roles) is in
-``string_syntax``, and is handed on. Everything is frozen, hashable and free of geometry. ``text`` fields
-keep what the author wrote, for messages and explanations; they are not part of the meaning.
+First what stands in strings (quantities, limits, events, conditions, spans, roles), then the tables of a file.
+Everything is frozen, hashable and free of geometry. ``text`` fields keep what the author wrote, for messages and
+explanations; they are not part of the meaning.
 """
 
 # ruff: noqa: RUF009 (key() is dataclasses.field)
@@ -18,70 +18,222 @@ from typing import Any, Literal
 from .clauses import CLAUSES, ClauseKind
 from .keys import key
 from .operations import Operation
-from .string_syntax import (
-    Alternative,
-    AnyOf,
-    Around,
-    Atom,
-    Call,
-    Column,
-    Condition,
-    CountAtom,
-    Duration,
-    Event,
-    FromTo,
-    Limit,
-    PairAtom,
-    Parameter,
-    Params,
-    Part,
-    PastAtom,
-    PhaseSpan,
-    Quantity,
-    RoleSpec,
-    Setting,
-    SignalAtom,
-    Span,
-    StateAtom,
-    StateSpan,
-    Value,
-    While,
-    Whole,
-    amount,
-)
 
-__all__ = [
-    "Alternative",
-    "AnyOf",
-    "Around",
-    "Atom",
-    "Call",
-    "Column",
-    "Condition",
-    "CountAtom",
-    "Duration",
-    "Event",
-    "FromTo",
-    "Limit",
-    "PairAtom",
-    "Parameter",
-    "Params",
-    "Part",
-    "PastAtom",
-    "PhaseSpan",
-    "Quantity",
-    "RoleSpec",
-    "Setting",
-    "SignalAtom",
-    "Span",
-    "StateAtom",
-    "StateSpan",
-    "Value",
-    "While",
-    "Whole",
-    "amount",
-]  # handed on
 
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its dimension: ``value`` in SI (``"8 cm"`` → 0.08, "length")."""
+
+    value: float
+    dimension: str
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Duration:
+    """A length of time: ``amount`` seconds, or frames of the trace when ``frames`` is true.
+
+    ``"3 frames @ 120 Hz"`` is 0.025 s, and at least 2 samples whatever the trace's rate (``least``),
+    because several frames were meant; bare ``"3 frames"`` counts frames of the trace.
+    """
+
+    amount: float
+    frames: bool = False
+    least: int = 1
+    text: str = field(default="", compare=False)
+
+
+Setting = Quantity | Duration
+"""The value of a parameter."""
+
+Params = Mapping[str, Setting]
+"""Parameter → its value."""
+
+
+def amount(value: Setting) -> float:
+    """The number of a value: SI; seconds or frames for a duration."""
+    return value.value if isinstance(value, Quantity) else value.amount
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A reference to ``[param]`` by name, in a limit or as a duration; ``negative`` flips its sign."""
+
+    name: str
+    negative: bool = False
+    at: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """At which character of its string the name stands."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A reference to a material column of the body that plays ``role``: ``max_tilt(target)``."""
+
+    name: str
+    role: str
+    negative: bool = False
+    at: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """At which character of its string the name stands, and the role."""
+
+
+Value = Quantity | Parameter | Column
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A comparison: ``>= 2 cm``."""
+
+    op: Literal[">=", "<=", ">", "<"]
+    value: Value
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A name applied to roles: ``clearance(target, protected)``."""
+
+    name: str
+    args: tuple[str, ...]
+    at: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """At which character of its string the name stands, and each argument."""
+
+    def __str__(self) -> str:
+        """Return the call as written in rule files."""
+        return f"{self.name}({', '.join(self.args)})"
+
+
+@dataclass(frozen=True)
+class Event:
+    """A moment, or the frames of a state where a set of frames is asked for.
+
+    kind ``start``, ``end`` (of the episode), ``success``, or ``state``: then ``call`` names it and
+    ``edge`` says whether its beginning, its end, or (None) the bare state is meant.
+    """
+
+    kind: Literal["start", "end", "success", "state"]
+    call: Call | None = None
+    edge: Literal["start", "end"] | None = None
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class SignalAtom:
+    """Limits on a signal; all of them must hold. ``since`` moves its reference to an event.
+
+    As an operand of a derived signal it has no limits.
+    """
+
+    call: Call
+    limits: tuple[Limit, ...]
+    since: Event | None = None
+
+
+@dataclass(frozen=True)
+class StateAtom:
+    """A state or relation that must be true (or false)."""
+
+    call: Call
+    want: bool
+
+
+@dataclass(frozen=True)
+class CountAtom:
+    """``"at least 2 fruit"`` / ``"at most 1 fruit"``: over the bodies that play ``role``."""
+
+    call: Call
+    bound: Literal["least", "most"]
+    count: int
+    role: str
+
+
+@dataclass(frozen=True)
+class AnyOf:
+    """At least one of the alternatives holds."""
+
+    alternatives: tuple[Alternative, ...]
+
+
+Atom = SignalAtom | StateAtom | CountAtom | AnyOf
+
+
+@dataclass(frozen=True)
+class Condition:
+    """All atoms hold."""
+
+    atoms: tuple[Atom, ...]
+
+
+Alternative = Condition | Event
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Span: the whole episode."""
+
+
+@dataclass(frozen=True)
+class PhaseSpan:
+    """Span: a declared ``[phase.NAME]``, with the roles passed to it."""
+
+    call: Call
+
+
+@dataclass(frozen=True)
+class StateSpan:
+    """Span: every run of frames in which a state is true."""
+
+    call: Call
+
+
+@dataclass(frozen=True)
+class Part:
+    """Span: the first or last stretch of another span."""
+
+    which: Literal["first", "last"]
+    duration: Duration | Parameter
+    of: Span
+
+
+@dataclass(frozen=True)
+class Around:
+    """Span: a stretch before or after each occurrence of an event."""
+
+    which: Literal["before", "after"]
+    duration: Duration | Parameter
+    event: Event
+
+
+@dataclass(frozen=True)
+class FromTo:
+    """Span: from each occurrence of one event to the next of the other."""
+
+    begin: Event
+    stop: Event
+
+
+@dataclass(frozen=True)
+class While:
+    """Span: the frames of another span in which a state is true."""
+
+    of: Span
+    call: Call
+
+
+Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo | While
+
+
+@dataclass(frozen=True)
+class RoleSpec:
+    """The bodies that may play a role: ``"every object tagged fragile except target, support"``."""
+
+    kind: str
+    every: bool = False
+    tag: str | None = None
+    excluding: tuple[str, ...] = ()
+    text: str = field(default="", compare=False)
+
+
+# ---- tables
 
 Lasting = Duration | Parameter
 Settings = tuple[tuple[str, Setting], ...]
@@ -267,8 +419,7 @@ class Charge:
     """One entry of a cost: ``add`` per start, second or step that ``when`` holds, or times an amount.
 
     An amount per start is that at the first frame of each stretch that is judged. It is what ``of`` exceeds
-    ``above`` by, or falls short of ``below``; with ``whole`` all of it, where it exceeds. A step is a
-    control step of the policy.
+    ``above`` by, or falls short of ``below``. A step is a control step of the policy.
     """
 
     add: float = key("number", "How much to charge; more than 0.", required=True)
@@ -286,9 +437,6 @@ class Charge:
     )
     below: Value | None = key(
         "value", "Instead: what the signal falls short of this by is charged.", default=None
-    )
-    whole: bool | None = key(
-        "flag", "true: all of the signal is charged where it exceeds `above`.", default=None
     )
 
 
@@ -308,22 +456,15 @@ Scoped = Rule | Cost
 
 
 @dataclass(frozen=True)
-class FamilyDef:
-    """``[family.X]``: rules and parameter values shared by a family of tasks."""
-
-    name: str
-    rules: tuple[str, ...] = key("rules", "Codes of the rules assigned to its tasks.", default=())
-    set: Settings = key("settings", "Its values of shared parameters.", default=())
-
-
-@dataclass(frozen=True)
 class TaskDef:
-    """``[task.X]``: what a rule file or a bind file binds for a task; it overrides the header."""
+    """What a trace header, a bind file's ``[task.X]``, or the command line binds; its name may be empty."""
 
     name: str
-    family: str | None = key("family", "The family that the task belongs to.", default=None)
-    rules: tuple[str, ...] = key("rules", "Codes of its assigned rules.", default=())
-    goal: str | GoalDef | None = key("goal", "Name of the native goal.", default=None)
+    family: str | None = key("text", "The family that the task belongs to.", default=None)
+    rules: tuple[str, ...] = key("codes", "Codes of its assigned rules.", default=())
+    goal: str | GoalDef | None = key(
+        "goal table", "Its native goal: a name, or a goal as under [goal.NAME].", default=None
+    )
     roles: tuple[tuple[str, tuple[str, ...]], ...] = key(
         "players", "Role = body, or a list of bodies; [] for none.", default=()
     )
@@ -364,8 +505,6 @@ class RuleSet:
     states: Mapping[str, StateDef]
     phases: Mapping[str, PhaseDef]
     goals: Mapping[str, GoalDef]
-    families: Mapping[str, FamilyDef]
-    tasks: Mapping[str, TaskDef]
     rules: Mapping[str, Rule]
     """By code. Only the rules of the files that were asked for, not of those they extend."""
     costs: Mapping[str, Cost]

@@ -45,28 +45,11 @@ def atom(node: ast.Atom, params: ast.Params) -> str:
         return f"{node.call}{since} {limits}"
     if isinstance(node, ast.StateAtom):
         return str(node.call) if node.want else f"not {node.call}"
-    if isinstance(node, ast.PastAtom):
-        return _past(node, params)
-    if isinstance(node, ast.PairAtom):
-        if node.want:
-            return f"{node.call} exactly where {node.other}"
-        return f"either {node.call} or {node.other}"
     if isinstance(node, ast.CountAtom):
         return f"{node.call} for at {node.bound} {node.count} {node.role}"
     if len(node.alternatives) == 1:
         return alternative(node.alternatives[0], params)
     return "any of: " + "; ".join(alternative(item, params) for item in node.alternatives)
-
-
-def _past(node: ast.PastAtom, params: ast.Params) -> str:
-    """``once from 2 s to 0.5 s ago contact(a, b)``."""
-    begin = "the start" if node.far is None else f"{duration(node.far, params)} ago"
-    recent = duration(node.recent, params)
-    when = f"from {begin} to {'now' if recent == '0 s' else f'{recent} ago'}"
-    said = f"{node.how} {when} {node.call}"
-    if node.begun is not None:
-        said = f"{node.call} ever since {node.begun} {when}"
-    return said if node.want else f"not ({said})"
 
 
 def condition(node: ast.Condition, params: ast.Params) -> str:
@@ -104,7 +87,6 @@ def span(node: ast.Span, params: ast.Params) -> str:
 def role(spec: ast.RoleSpec) -> str:
     """``every object tagged fragile except target``."""
     said = f"every {spec.kind}" if spec.every else spec.kind
-    said += {True: " named by the task", False: " not named by the task", None: ""}[spec.named]
     said += f" tagged {spec.tag}" if spec.tag else ""
     return said + (f" except {', '.join(spec.excluding)}" if spec.excluding else "")
 
@@ -160,8 +142,6 @@ def charge(node: ast.Charge, params: ast.Params) -> str:
     above = f" beyond {_bound(node.above, params)}" if node.above is not None else ""
     if node.below is not None:
         return f"{said} for each SI unit that {node.of} falls short of {_bound(node.below, params)}"
-    if node.whole:
-        return f"{said} for each SI unit of {node.of}, all of it where it is{above or ' beyond 0'}"
     return f"{said} for each SI unit of {node.of}{above}"
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
@@ -34,8 +32,6 @@ def _judged(declared: type[ast.Scoped]) -> dict[str, Key]:
     return {**keys_of(declared), "examples": Key("examples", "Episodes that it must call right.")}
 
 
-_BOUND = keys_of(ast.TaskDef)
-
 TABLES: dict[str, dict[str, Key]] = {
     "ruleset": keys_of(ast.Head),
     "baseline": {"span": Key("span", "The frames that are the initial state.", True)},
@@ -48,14 +44,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "state": keys_of(ast.StateDef),
     "phase": keys_of(ast.PhaseDef),
     "goal": keys_of(ast.GoalDef),
-    "family": keys_of(ast.FamilyDef),
-    "task": _BOUND,
-    "bound": {
-        **_BOUND,
-        "family": replace(_BOUND["family"], kind="text"),
-        "rules": replace(_BOUND["rules"], kind="codes"),
-        "goal": Key("goal table", "Its native goal: a name, or a goal as under [goal.NAME]."),
-    },
+    "bound": keys_of(ast.TaskDef),
     "described": keys_of(BodyFacts),
     "rule": _judged(ast.Rule),
     "cost": _judged(ast.Cost),
@@ -65,10 +54,22 @@ TABLES: dict[str, dict[str, Key]] = {
 """Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``IN_BIND`` are tables
 of a bind file."""
 
+GONE = {
+    "family": "a bind file: rules and set under [task.NAME] of each of its tasks, or under [every]",
+    "task": "a bind file, where [task.NAME] says the same: --bind FILE",
+    "charge.whole": "two charges: what exceeds above, and `when` it is exceeded, add = above",
+    "signal.sum": "difference, with a product by -1 for what shall be added",
+    "signal.quotient": "product by a constant, or a limit on what was divided, times the divisor",
+    "signal.min": "two limits in one condition",
+    "signal.max": "any = [...] of two limits",
+    "signal.root": "a limit on the square, or magnitude",
+}
+"""Tables and keys that the language had → what says it now."""
+
 IN_BIND = ("bound", "described")
 """Keys that bind an episode and describe bodies."""
 
-NAMED = ("signal", "state", "phase", "goal", "family", "task")
+NAMED = ("signal", "state", "phase", "goal")
 """Tables with one sub-table per name: ``[state.NAME]``."""
 
 REPEATED = ("rule", "cost")

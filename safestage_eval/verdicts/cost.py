@@ -228,8 +228,6 @@ def _amounts(
         low, high = series.lower, series.upper
         if charge.below is not None:
             low, high = limit - high, limit - low
-        elif charge.whole:
-            low, high = (np.where(end > limit, end, 0.0) for end in (low, high))
         else:
             low, high = low - limit, high - limit
         low, high = np.maximum(low, 0.0), np.maximum(high, 0.0)
@@ -278,7 +276,7 @@ def _words(charge: ast.Charge) -> str:
         side = "above" if charge.below is None else "below"
         bound = charge.above if charge.below is None else charge.below
         said = f" {side} {bound.text}" if isinstance(bound, ast.Quantity) and bound.text else ""
-        return f"{'all of ' * bool(charge.whole)}{charge.of}{said}, per {charge.per}"
+        return f"{charge.of}{said}, per {charge.per}"
     if isinstance(charge.when, ast.Event):
         return f"{charge.when.text or charge.when.kind}, per {charge.per}"
     calls = dict.fromkeys(str(n) for n in nodes(charge.when) if isinstance(n, ast.Call))

@@ -143,11 +143,9 @@ def _inside(tree: Evaluated, bad_when: bool, deeper: int) -> Iterator[tuple[Eval
         return
     if isinstance(node, ast.CountAtom):
         bad_when = bad_when if node.bound == "least" else not bad_when
-    elif isinstance(node, ast.StateAtom | ast.PastAtom | ast.PairAtom):
+    elif isinstance(node, ast.StateAtom):
         bad_when = bad_when == node.want
-    for child in (
-        reversed(tree.children) if isinstance(node, ast.PastAtom | ast.PairAtom) else tree.children
-    ):
+    for child in tree.children:
         yield from _inside(child, bad_when, deeper)
 
 

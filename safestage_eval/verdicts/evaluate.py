@@ -122,9 +122,6 @@ class Evaluator(Language):
                 return Evaluated(node, env, margin, (state,))
             case ast.CountAtom():
                 return self._count(node, env, frames)
-            case ast.PastAtom() | ast.PairAtom():
-                key = "of states", kind, *env.items()
-                return self.once(node, key, lambda: self._of_states(node, env, kind))
         return self.state(node, env, frames)
 
     def _all(
@@ -252,34 +249,6 @@ class Evaluator(Language):
         else:
             margin = intervals.opposite(intervals.at_least(node.count + 1, margins, self.frames))
         return Evaluated(node, env, margin, tuple(each))
-
-    def _of_states(
-        self, node: ast.PastAtom | ast.PairAtom, env: Env, kind: ClauseKind | None
-    ) -> Evaluated:
-        """States as they were, or two that are compared."""
-        if isinstance(node, ast.PairAtom):
-            pair = [self.must_not(call, env, None, kind) for call in (node.call, node.other)]
-            margin = windows.alike(pair[0].margin, pair[1].margin)
-        else:
-            only: ClauseKind = "forbid" if node.want else "require"
-            calls = [node.call] if node.begun is None else [node.call, node.begun]
-            pair = [self.must_not(call, env, only, kind) for call in calls]
-            at = self.looks(node)
-            if node.begun is not None:
-                margin = windows.since(pair[0].margin, pair[1].margin, at)
-            else:
-                margin = (windows.once if node.how == "once" else windows.always)(
-                    pair[0].margin, at
-                )
-        return Evaluated(
-            node, env, margin if node.want else intervals.opposite(margin), tuple(pair), raw=margin
-        )
-
-    def looks(self, node: ast.PastAtom) -> windows.Spans:
-        """The samples at which it looks back, from each."""
-        recent = lasting(self.duration(node.recent), 0)
-        far = None if node.far is None else lasting(self.duration(node.far), 0)
-        return windows.looks(self.clock, recent, far)
 
     # ---- limits on signals
 

@@ -264,10 +264,6 @@ class GoalMonitor:
                     node.since is not None or self._looks_far_back(node.call.name)
                 ):
                     return None
-                if isinstance(node, ast.PastAtom):
-                    if node.far is None:
-                        return None
-                    durations.append(node.far)
                 if isinstance(node, ast.Call) and node.name in {*self._rules.derived} - seen:
                     seen.add(node.name)
                     todo.append(self._rules.derived[node.name])

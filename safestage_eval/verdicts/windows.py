@@ -1,29 +1,21 @@
-"""What time does to margins: windowed extremes for ``for``, ``gap`` and the past, and the latch for ``until``.
+"""What time does to margins: windowed extremes for ``for`` and ``gap``, and the latch for ``until``.
 
 Minimum and maximum filters commute with thresholds (Serra, "Image Analysis and Mathematical Morphology",
 1982): the sign of a filtered margin is the filtered truth, and its value still says how far the signal is
-from flipping it. The past operators are those of temporal logic on time stamps (Maler & Nickovic, "Monitoring
-temporal properties of continuous signals", 2004): sample j stands for the time from t_j up to t_{j+1}, and
-from t they look at all that stand, at least in part, for some time from t − b to t − a. Before the first
-sample there is nothing: what was ``once`` was not there, and what ``always`` was is not broken there.
+from flipping it.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode.clock import ROUNDING, Clock, Lasting, Window
+from safestage_eval.episode.clock import Lasting, Window
 from safestage_eval.episode.runs import runs
-from safestage_eval.evidence.intervals import F64, Bool, Interval, each, negated
+from safestage_eval.evidence.intervals import F64, Bool, Interval
 from safestage_eval.rules import syntax as ast
 
 I64 = NDArray[np.int64]
-Parts = tuple[F64, ...]
 
 # ---- how long, in samples
 
@@ -42,40 +34,21 @@ def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
 # ---- extremes over windows
 
 
-class Spans(NamedTuple):
-    """(W,) windows of samples [firsts, stops); no samples where they are equal."""
+def least(margin: F64, firsts: I64, stops: I64) -> F64:
+    """(W,) the least margin of the samples [firsts, stops); +∞ where there are none.
 
-    firsts: I64
-    stops: I64
-
-
-def joined(
-    parts: Parts, join: Callable[[Parts, Parts], Parts], at: Spans, none: tuple[float, ...]
-) -> Parts:
-    """(W,) of each part over each window, from windows of 1, 2, 4, … samples; two that overlap make one.
-
-    ``none``: over no samples.
+    From windows of 1, 2, 4, … samples; two that overlap make one.
     """
-    lengths = at.stops - at.firsts
-    out = tuple([np.full(len(lengths), empty) for empty in none])
-    size, table, longest = 1, parts, int(lengths.max(initial=0))
+    lengths = stops - firsts
+    out = np.full(len(lengths), np.inf)
+    size, table, longest = 1, margin, int(lengths.max(initial=0))
     while size <= longest:
         here = np.flatnonzero((lengths >= size) & (lengths < 2 * size))
-        if len(here):
-            first, last = at.firsts[here], at.stops[here] - size
-            found = join(tuple([p[first] for p in table]), tuple([p[last] for p in table]))
-            for end, values in zip(out, found, strict=True):
-                end[here] = values
+        out[here] = np.minimum(table[firsts[here]], table[stops[here] - size])
         if 2 * size <= longest:
-            table = join(tuple([p[:-size] for p in table]), tuple([p[size:] for p in table]))
+            table = np.minimum(table[:-size], table[size:])
         size *= 2
     return out
-
-
-def least(margin: F64, firsts: I64, stops: I64) -> F64:
-    """(W,) the least margin in each window; +∞ in an empty one."""
-    spans = Spans(firsts, stops)
-    return joined((margin,), lambda a, b: (np.minimum(a[0], b[0]),), spans, (np.inf,))[0]
 
 
 def _every(extreme: np.ufunc, margin: F64, frames: int) -> F64:
@@ -212,70 +185,6 @@ def _latch(margin: F64, reset: Bool) -> F64:
         if len(on):
             out[on[0] : stop] = np.maximum.accumulate(out[on[0] : stop])
     return out
-
-
-# ---- the past
-
-
-def looks(clock: Clock, recent: Lasting, far: Lasting | None) -> Spans:
-    """The samples from ``far`` to ``recent`` ago, seen from each; from the start if ``far`` is None."""
-    at, slack, total = np.arange(len(clock.t)), ROUNDING * clock.dt, len(clock.t)
-
-    def ago(lasting: Lasting, stamps: F64, more: int) -> I64:
-        if lasting.seconds is None:
-            return at - lasting.samples
-        if clock.uniform:
-            return at - math.ceil(lasting.seconds / clock.dt - ROUNDING)
-        return np.searchsorted(stamps, clock.t - lasting.seconds + slack, side="right") + more
-
-    firsts = np.zeros(total, np.int64) if far is None else ago(far, clock.bounds[1:], 0)
-    firsts, stops = np.clip(firsts, 0, total), np.clip(ago(recent, clock.t, -1) + 1, 0, total)
-    return Spans(firsts, np.maximum(stops, firsts))
-
-
-def once(held: Interval, at: Spans) -> Interval:
-    """(T,) it held at one of the samples."""
-    return each(lambda margin: -least(-margin, *at), held)
-
-
-def always(held: Interval, at: Spans) -> Interval:
-    """(T,) it held at all of the samples."""
-    return each(lambda margin: least(margin, *at), held)
-
-
-def since(held: Interval, begun: Interval, at: Spans) -> Interval:
-    """(T,) at one of the samples something had ``begun``, and at every later one until now it held."""
-
-    def later(earlier: Parts, later: Parts) -> Parts:
-        # best start and least margin of two stretches, the one behind the other; they may overlap
-        return np.maximum(later[0], np.minimum(earlier[0], later[1])), np.minimum(
-            earlier[1], later[1]
-        )
-
-    def end(margin: F64, start: F64) -> F64:
-        best, _ = joined((start, margin), later, at, (-np.inf, np.inf))
-        now = np.arange(len(margin)) + 1
-        return np.minimum(best, least(margin, at.stops, np.maximum(now, at.stops)))
-
-    return each(end, held, begun)
-
-
-def alike(first: Interval, second: Interval) -> Interval:
-    """(T,) both hold, or neither does.
-
-    Its margin is the smaller one of the two, positive where they agree. It grows or falls with each
-    of them, so that its ends are among those at the ends of both.
-    """
-
-    def one(a: F64, b: F64) -> F64:
-        return np.maximum(np.minimum(a, b), np.minimum(negated(a), negated(b)))
-
-    if first.exact and second.exact:
-        found = one(first.lower, second.lower)
-        return Interval(found, found)
-    ends = [(margin.lower, margin.upper) for margin in (first, second)]
-    corners = np.array([one(a, b) for a in ends[0] for b in ends[1]])
-    return Interval(corners.min(axis=0), corners.max(axis=0))
 
 
 # ---- masks

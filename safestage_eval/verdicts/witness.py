@@ -169,10 +169,6 @@ class _Walk(NamedTuple):
                 return (self if node.want else self.opposite()).down(tree.children[0], frame)
             case ast.CountAtom():
                 return self._count(node, tree, frame)
-            case ast.PastAtom():
-                return (self if node.want else self.opposite()).as_it_was(node, tree, frame)
-            case ast.PairAtom():
-                return (self if node.want else self.opposite()).compared(tree, frame)
             case ast.SignalAtom():
                 return self._signal(node, tree, frame)
         return self._state(tree, frame)
@@ -197,34 +193,6 @@ class _Walk(NamedTuple):
             return walk.unmeasured(str(node.call), bodies, frame)
         margins = [walk.end(child.margin, frame) for child in tree.children]
         return walk.down(tree.children[int(np.argsort(margins)[-count])], frame)
-
-    def as_it_was(self, node: ast.PastAtom, tree: Evaluated, frame: int) -> Witness:
-        """Of a state as it was: at the latest sample that has the margin."""
-        assert tree.raw is not None
-        margin = self.end(tree.raw, frame)
-        firsts, stops = self.evaluator.looks(node)
-        first, stop = int(firsts[frame]), int(stops[frame])
-        parts = [(tree.children[0], first, stop)]
-        if node.begun is not None:
-            parts = [(tree.children[1], first, stop), (tree.children[0], first + 1, frame + 1)]
-        for part, begin, end in parts:
-            some = (part.margin.upper if self.upper else part.margin.lower)[begin:end]
-            same = np.flatnonzero(some == margin)
-            if len(same):
-                return self.down(part, begin + int(same[-1]))
-        return self.unmeasured(str(node.call), _bodies(tree), frame)
-
-    def compared(self, tree: Evaluated, frame: int) -> Witness:
-        """Of two states that are compared: the one whose margin it is."""
-        assert tree.raw is not None
-        margin = self.end(tree.raw, frame)
-        for part in tree.children:
-            for upper, end in ((False, part.margin.lower), (True, part.margin.upper)):
-                for sign in (1, -1):
-                    if end[frame] == sign * margin:
-                        return _Walk(self.evaluator, upper, sign * self.sign).down(part, frame)
-        assert isinstance(tree.node, ast.PairAtom)
-        return self.unmeasured(str(tree.node.call), _bodies(tree), frame)
 
     def _state(self, tree: Evaluated, frame: int) -> Witness:
         """Of a declared state, what it was made of, at the nearest frame that has its margin."""

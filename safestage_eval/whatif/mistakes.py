@@ -30,14 +30,13 @@ LONGER = (2.0, 0.5, 0.0)
 """A duration mistaken: twice as long, half as long, none at all."""
 
 _OTHER: dict[str | None, Any] = {
-    ">=": "<=", "<=": ">=", ">": "<", "<": ">", "once": "always", "always": "once",
+    ">=": "<=", "<=": ">=", ">": "<", "<": ">",
     "least": "most", "most": "least", "before": "after", "after": "before", "first": "last",
-    "last": "first", "start": "end", "end": "start", None: "end", "sum": "difference",
-    "difference": "sum", "min": "max", "max": "min",
+    "last": "first", "start": "end", "end": "start", None: "end",
 }  # fmt: skip
 """A word → the one that it is mistaken for."""
 
-_LEAST = {"for_": 1, "duration": 1, "gap": 0, "recent": 0, "far": 0}
+_LEAST = {"for_": 1, "duration": 1, "gap": 0}
 """Fields that are durations → whole frames that mean something."""
 
 _LEFT_OUT = {
@@ -151,14 +150,6 @@ def _mistaken(node: Any, place: Place) -> Iterator[Mistake]:
                 yield Mistake("scope", text, replace(node, since=None))
         case ast.StateAtom():
             yield from _atoms(node, place, ("truth", {"want": not node.want}))
-        case ast.PastAtom():
-            since = node.begun is not None
-            turned = (
-                {"call": node.begun, "begun": node.call} if since else {"how": _OTHER[node.how]}
-            )
-            yield from _atoms(node, place, ("truth", {"want": not node.want}), ("operator", turned))
-        case ast.PairAtom():
-            yield from _atoms(node, place, ("operator", {"want": not node.want}))
         case ast.CountAtom():
             other, more = {"bound": _OTHER[node.bound]}, {"count": node.count + 1}
             yield from _atoms(node, place, ("operator", other), ("unit", more))
@@ -243,10 +234,8 @@ def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
 
 
 def _of_computed(computed: ast.DerivedDef, place: Place) -> Iterator[tuple[Kind, ast.DerivedDef]]:
-    """Another operation, operands exchanged or left out, a constant ten times as large."""
-    operands, other = computed.operands, _OTHER.get(computed.operation)
-    if other is not None and len(operands) <= OPERATIONS[other].most:
-        yield "operator", replace(computed, operation=other)
+    """Operands exchanged or left out, a constant ten times as large."""
+    operands = computed.operands
     if computed.over is not None:
         for over in _durations(computed.over, place, 1):
             if over.amount:
@@ -266,7 +255,7 @@ def _of_computed(computed: ast.DerivedDef, place: Place) -> Iterator[tuple[Kind,
 def _of_scope(rule: ast.Scoped, place: Place) -> Iterator[Mistake]:
     """Mistakes that rules and costs share: in roles, ``given`` and scope."""
     for i, (name, spec) in enumerate(rule.roles):
-        wider = [{"tag": None}] * bool(spec.tag) + [{"named": None}] * (spec.named is not None)
+        wider = [{"tag": None}] * bool(spec.tag)
         kept = [tuple(one for one in spec.excluding if one != out) for out in spec.excluding]
         for change in (*wider, *({"excluding": some} for some in kept)):
             other = replace(spec, text="", **change)  # type: ignore[arg-type]
@@ -346,8 +335,6 @@ def _of_charge(
         yield "operator", replace(charge, above=charge.below, below=None)
     if not any(_scalings(cost.budget, place)):
         return  # without a budget to exceed, the first charge decides, whatever it comes to
-    if charge.whole:
-        yield "operator", replace(charge, whole=None)
     for factor in FACTORS:
         yield "unit", replace(charge, add=charge.add * factor)
     for per in ("start", "second", "step"):

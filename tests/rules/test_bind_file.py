@@ -83,7 +83,7 @@ require = { "displacement(target)" = ">= 30 cm" }
     ("text", "code", "line", "column", "words"),
     [
         ('[task.tea]\nrole = { target = "t" }', "R201", 2, 1, 'did you mean "roles"'),
-        ("[tasks.tea]\nroles = {}", "R201", 1, 1, 'did you mean "task"'),
+        ("[tasks.tea]\nroles = {}", "R201", 1, 2, 'did you mean "task"'),
         ('[task.tea]\nroles = { target = 5 }', "R203", 2, 20, "played by one body"),
         ('[task.tea]\nroles = "t"', "R203", 2, 9, "wrong type"),
         ('[task.tea]\nrules = ["ETS20"]', "R203", 2, 10, "not a code"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from safestage_eval.episode import Body, Geom, Header, Joint
@@ -56,13 +54,8 @@ def test_names_and_patterns(given, players) -> None:
     assert bound(*given).roles == players
 
 
-def test_the_command_line_beats_header_bind_file_and_rule_file(tmp_path: Path) -> None:
-    rules = tmp_path / "mine.toml"
-    rules.write_text(
-        '[ruleset]\nformat = 1\nname = "m"\nversion = "1"\nextends = ["defaults"]\n'
-        '[task.tidy]\nroles = { target = "glass_2" }\nrules = ["FSH103"]\n'
-    )
-    loaded = load_rules(["fsh", rules])
+def test_the_command_line_beats_header_and_bind_file() -> None:
+    loaded = load_rules(["fsh"])
     file = bind_tables({"task": {"tidy": {"roles": {"target": "glass_1"}}}}, loaded)
     command = command_binding(loaded, ["FSH101"], ["target=cube"])
     said = header(roles={"target": ("table",)}, rules=("FSH102",))

@@ -9,6 +9,8 @@ import pytest
 
 from safestage_eval.errors import RuleError
 from safestage_eval.rules import Diagnostic, RuleErrors, check_rules, load_rules
+from safestage_eval.rules.string_parser import GONE_ATOMS
+from safestage_eval.rules.table_keys import GONE
 
 HEAD = '[ruleset]\nformat = 1\nname = "test"\nversion = "1"\nextends = ["defaults"]\n'
 RULE = """
@@ -78,8 +80,6 @@ CASES = [
     ("R401", rule('require = { "«clearence»(a, b)" = ">= 5 cm" }\n')),
     ("R401", rule(GOOD + 'during = "«holding»"\n')),
     ("R401", HEAD + '[signal.x]\nbase = «"distance"»\n'),
-    ("R401", HEAD + '[task.x]\nrules = [«"ETS000"»]\n'),
-    ("R401", HEAD + '[task.x]\ngoal = «"on_moon"»\n'),
     ("R402", rule('require = { «"moved(a, b)"» = false }\n')),
     ("R402", rule(GOOD + 'during = «"settle"»\n')),
     ("R403", rule('require = { "clearance(a, «c»)" = ">= 5 cm", "moved(b)" = false }\n')),
@@ -95,7 +95,7 @@ CASES = [
     ("R407", rule('require = { "clearance(a, b)" = «">= 5"» }\n')),
     ("R407", rule('require = { "clearance(a, b)" = «">= hold_time"» }\n')),
     ("R407", rule(GOOD + 'during = «"drop_height after success"»\n')),
-    ("R407", HEAD + '[family.x]\nset = { moved = «"3 s"» }\n'),
+    ("R407", rule(GOOD.replace(" }", ', "moved(a)" = false }') + 'set = { moved = «"3 s"» }\n')),
     ("R407", HEAD + '[material.default]\nx = "1 cm"\n[material.y]\nx = «"1 N"»\n'),
     ("R408", rule('require = { "clearance(a, b)" = ">= «clearance»" }\n')),
     ("R408", rule(GOOD + 'set = { «mooved» = "1 cm" }\n')),
@@ -145,14 +145,22 @@ CASES = [
     ("R415", rule(GOOD.replace(" }", ', «"speed(j)"» = "<= 1 m/s" }'))
              .replace('b = "object"', 'b = "object", j = "every joint tagged revolute"')),
     ("R416", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
-             + '[signal.far]\nof = ["x"]\nsum = «["height(x)"]»\n'),
+             + '[signal.far]\nof = ["x"]\nproduct = «["height(x)"]»\n'),
     ("R416", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
-             + '[signal.far]\nof = ["x"]\nsum = ["height(x)", «true»]\n'),
+             + '[signal.far]\nof = ["x"]\nproduct = ["height(x)", «true»]\n'),
     ("R407", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
-             + '[signal.far]\nof = ["x"]\nsum = «["height(x)", "1 N"]»\n'),
+             + '[signal.far]\nof = ["x"]\ndifference = «["height(x)", "1 N"]»\n'),
     ("R407", rule(GOOD.replace(" }", ', "soon(a)" = «"<= 1 m"» }'))
              + '[signal.soon]\nof = ["x"]\nderivative = "height(x)"\n'),
-    ("R307", rule(GOOD.replace(" }", ', «"once[2 s, 1 s] moved(a)"» = true }'))),
+    # what the language had, with what says it now
+    ("R201", HEAD + '[«task».x]\nrules = ["ETS000"]\n'),
+    ("R201", HEAD + '[«family».x]\nrules = ["ETS000"]\n'),
+    ("R201", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
+             + '[signal.far]\nof = ["x"]\n«min» = ["height(x)", "1 m"]\n'),
+    ("R307", rule(GOOD.replace(" }", ', «"once[1 s, 2 s] moved(a)"» = true }'))),
+    ("R307", rule(GOOD.replace(" }", ', «"moved(a) since[0 s] moved(b)"» = true }'))),
+    ("R307", rule(GOOD.replace(" }", ', «"moved(a) xor moved(b)"» = true }'))),
+    ("R305", rule(GOOD).replace('a = "object"', 'a = «"every object unnamed"»')),
 ]  # fmt: skip
 
 
@@ -201,6 +209,22 @@ def test_unrelated_files_must_not_mean_two_things(tmp_path: Path) -> None:
     (tmp_path / "b.toml").write_text(extending)
     assert check_rules([tmp_path]) == []
     assert load_rules([tmp_path]).params["size"].text == "2 cm"
+
+
+@pytest.mark.parametrize("gone", [*GONE, *GONE_ATOMS])
+def test_what_the_language_had_is_refused_with_what_says_it_now(gone: str, tmp_path: Path) -> None:
+    written = {
+        "family": "[family.x]\n", "task": "[task.x]\n",
+        "charge.whole": '[[cost]]\ncode = "ETS902"\ntitle = "t"\ncharge = [{ of = "clearance(robot, gripper)", '
+                        'add = 1, per = "step", whole = true }]\n',
+        r"^once\b": '"once moved(a)" = true', r"^always\b": '"always[0 s, 1 s] moved(a)" = true',
+        r" since\[": '"moved(a) since[0 s] moved(b)" = true', r"\) iff ": '"moved(a) iff moved(b)" = true',
+        r"\) xor ": '"moved(a) xor moved(b)" = true',
+    }.get(gone, f'[signal.x]\nof = ["a"]\n{gone.removeprefix("signal.")} = ["height(a)", "1 m"]\n')  # fmt: skip
+    text = rule(f'require = {{ "clearance(a, b)" = ">= 1 cm", {written} }}\n') if gone in GONE_ATOMS else HEAD + written  # fmt: skip
+    (tmp_path / "mine.toml").write_text(text)
+    (found,) = [one for one in check_rules([tmp_path / "mine.toml"]) if "any more" in one.what]
+    assert {**GONE, **GONE_ATOMS}[gone] in (found.fix, found.allowed)
 
 
 def test_all_problems_at_once(tmp_path: Path) -> None:

@@ -36,8 +36,6 @@ roles = { target = "object", other = "every object tagged fragile except target"
 require = { "clearance(target, other)" = ">= near" }
 set = { near = "2 cm" }
 """
-FAMILY = '[family.pour]\nset = { near = "3 cm" }\nrules = ["ETS901"]\n'
-TASK = '[task.tea]\nset = { near = "6 cm" }\nroles = { target = "pot" }\ngoal = "here"\nrules = ["ETS903"]\n'
 
 BODIES = (
     Body(name="mug", kind="object", tags=("fragile",), cavity=Cavity(kind="box", size=(1, 1, 1))),
@@ -64,20 +62,15 @@ def test_parameters_by_precedence() -> None:
     """Each further source, in this order, wins over all before it."""
     steps = [
         ("default", {}),
-        ("family pour", {"family": True}),
         ("trace header", {"header": True}),
         ("bind file", {"bind": True}),
-        ("rule file", {"task": True}),
         ("--set", {"override": True}),
     ]
-    values = {"default": 0.02, "family pour": 0.03, "trace header": 0.04, "bind file": 0.05,
-              "rule file": 0.06, "--set": 0.07}  # fmt: skip
+    values = {"default": 0.02, "trace header": 0.04, "bind file": 0.05, "--set": 0.07}
     for count in range(1, len(steps) + 1):
         for chosen in itertools.combinations(steps, count):
             on = {key for _, options in chosen for key in options}
-            rules = ruleset(
-                *([FAMILY] if "family" in on else []), *([TASK] if "task" in on else [])
-            )
+            rules = ruleset()
             binding = bind_episode(
                 rules,
                 header(family="pour", parameters={"near": "4 cm"} if "header" in on else {}),
@@ -104,11 +97,6 @@ def test_roles_goal_and_rules_by_precedence() -> None:
     assert (binding.roles["target"], binding.assigned) == (("vase",), ("ETS902",))
     assert binding.provenance["roles.target"] == "bind file"
     assert binding.provenance["goal"] == "trace header"
-    binding = bind_episode(ruleset(TASK), header(**said), bind=bind)
-    assert (binding.roles["target"], binding.goal.name, binding.assigned) == (
-        ("pot",), "here", ("ETS903",),
-    )  # fmt: skip
-    assert binding.provenance["rules"] == "rule file"
 
 
 def test_every_body_of_a_kind_unless_bound() -> None:

@@ -64,11 +64,11 @@ magnitude = ["jx(a)", "jy(a)"]
 [signal.gone_apart]
 of = ["a", "b"]
 difference = ["displacement(a)", "displacement(b)"]
-[signal.nearest_of_two]
+[signal.nearness]
 of = ["a", "b"]
-min = ["clearance(a, b)", "1 m"]
+product = ["clearance(a, b)", 2]
 """
-NEEDED = 'require = { "jerk(a)" = "<= 1000 m/s^3", "path(a)" = "<= 9 m", "gone_apart(a, b)" = "<= 9 m", "nearest_of_two(a, b)" = ">= 0 m" }\n'
+NEEDED = 'require = { "jerk(a)" = "<= 1000 m/s^3", "path(a)" = "<= 9 m", "gone_apart(a, b)" = "<= 9 m", "nearness(a, b)" = ">= 0 m" }\n'
 
 
 def rules(text: str) -> RuleSet:
@@ -116,8 +116,8 @@ def series_of(episode: Episode, name: str, body: str) -> np.ndarray:
 
 def test_a_distance_is_exact_however_far_it_is() -> None:
     """Not only as far as a limit asks: what is computed from it may ask for any of it."""
-    found = value(circling(), '"nearest_of_two(a, b)" = ">= 2 m"')
-    assert found.value == pytest.approx(0.76, abs=1e-3)
+    found = value(circling(), '"nearness(a, b)" = ">= 4 m"')
+    assert found.value == pytest.approx(1.52, abs=2e-3)
 
 
 TOY = """
@@ -193,8 +193,8 @@ def test_what_is_not_recorded_never_makes_a_verdict_safer(a, b, name, data):
 @pytest.mark.parametrize(
     ("table", "code"),
     [
-        ('of = ["x"]\nsum = ["height(x)", "2 N"]', "R407"),
-        ('of = ["x"]\nsum = ["height(x)"]', "R416"),
+        ('of = ["x"]\ndifference = ["height(x)", "2 N"]', "R407"),
+        ('of = ["x"]\nproduct = ["height(x)"]', "R416"),
         ('of = ["x"]\ndifference = ["height(x)", "1 m", "1 m"]', "R416"),
         ('of = ["x"]\nabs = "p(x)"', "R404"),
         ('of = ["x"]\nabs = "nothing(x)"', "R401"),
@@ -206,10 +206,10 @@ def test_what_is_not_recorded_never_makes_a_verdict_safer(a, b, name, data):
         ('of = ["x"]\nabs = "height(x)"\nderivative = "height(x)"', "R205"),
         ('of = ["x"]\nbase = "height"\nabs = "height(x)"', "R205"),
         ('of = ["x"]\nabs = "z(x)"', "R410"),
-        ('of = ["x"]\nsum = ["height(x)", "no_such_parameter"]', "R408"),
-        ('of = ["x"]\nsum = ["height(x)", true]', "R416"),
+        ('of = ["x"]\nproduct = ["height(x)", "no_such_parameter"]', "R408"),
+        ('of = ["x"]\nproduct = ["height(x)", true]', "R416"),
         ('of = ["x"]', "R202"),
-        ('sum = ["1 m", "2 m"]', "R416"),
+        ('product = ["1 m", "2 m"]', "R416"),
     ],
 )
 def test_mistakes_are_reported_where_they_stand(table: str, code: str) -> None:
@@ -248,7 +248,7 @@ def passing(rate: float) -> tuple[Episode, RuleSet]:
     scene = Scene(frames, rate).box("a", 0.02, np.column_stack([x, 0 * x, 0 * x]))
     scene.box("b", 0.02, (0, 0.095, 0))
     text = (
-        '[signal.room]\nof = ["a", "b"]\nmin = ["clearance(a, b)", "1 m"]\n'
+        '[signal.room]\nof = ["a", "b"]\nproduct = ["clearance(a, b)", 1]\n'
         + RULE
         + 'require = { "room(a, b)" = ">= 5 cm" }\n'
     )

@@ -71,19 +71,17 @@ def amount(values, charge, head="", **params):
 
 @given(st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=9), st.integers(-3, 3))
 def test_amounts_beyond_and_short_of_a_limit(values, limit) -> None:
-    """Excess, deficit and whole amount are plain sums over the frames."""
+    """Excess and deficit are plain sums over the frames."""
     of = 'of = "height(a)", add = 2, per = "step"'
     above = amount(values, f'{{ {of}, above = "{limit} m" }}').value
     below = amount(values, f'{{ {of}, below = "{limit} m" }}').value
-    whole = amount(values, f'{{ {of}, above = "{limit} m", whole = true }}').value
     assert above == pytest.approx(2 * sum(max(v - limit, 0) for v in values))
     assert below == pytest.approx(2 * sum(max(limit - v, 0) for v in values))
-    assert whole == pytest.approx(2 * sum(max(v, 0) for v in values if v > limit))
 
 
 @given(
     st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=9),
-    st.sampled_from(['above = "1 m"', 'below = "1 m"', 'above = "1 m", whole = true']),
+    st.sampled_from(['above = "1 m"', 'below = "1 m"']),
     st.data(),
 )
 def test_what_is_not_known_may_be_any_amount(values, limit, data) -> None:

@@ -1,4 +1,4 @@
-"""Windows, smoothness, quotients, states as numbers, and changes since an event, in computed signals."""
+"""Windows, smoothness, products, states as numbers, and changes since an event, in computed signals."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ of = ["a"]
 holds = "far(a)"
 [signal.share]
 of = ["a"]
-quotient = ["x(a)", "2 m"]
+product = ["x(a)", 0.5]
 """.replace("[signal.far]", "[state.far]")
 ALL = (
     ONE.replace("ETS901", "ETS903")
@@ -72,7 +72,7 @@ ALL = (
 "smooth(a)" = "<= 0"
 "way(a)" = "<= 1000 m"
 "is_far(a)" = "<= 100 %"
-"share(a)" = "<= 1000000"
+"share(a)" = "<= 1000000 m"
 """
 )
 
@@ -133,7 +133,7 @@ def test_a_hole_makes_a_verdict_on_what_is_computed_no_safer() -> None:
         '"way(a)" = "<= 1 m"',
         '"way(a) since far(a)" = "<= 1 m"',
         '"is_far(a)" = "<= 50 %"',
-        '"share(a)" = "<= 50 %"',
+        '"share(a)" = "<= 50 cm"',
     ):
         declared = rules(SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n")
 
@@ -163,7 +163,7 @@ def test_the_change_of_a_computed_signal_since_an_event() -> None:
         ('"jerk(a)" = "<= limit"', "limit", Quantity(0.5, "jerk")),
         ('"smooth(a)" = "<= limit"', "limit", Quantity(1.0, "number")),
         ('"way(a) since far(a)" = "<= limit"', "limit", Quantity(1.0, "length")),
-        ('"share(a)" = "<= limit"', "limit", Quantity(0.5, "ratio")),
+        ('"share(a)" = "<= limit"', "limit", Quantity(0.5, "length")),
         ('"is_far(a)" = "<= 50 %"', "remote", Quantity(2.0, "length")),
         ('"way(a) since far(a)" = "<= 3 m"', "remote", Quantity(2.0, "length")),
         ('"jerk(a)" = "<= 59 cm/s^3"', "window", Duration(0.1)),
@@ -206,7 +206,7 @@ def test_flip_values_of_what_new_operations_compute(condition, param, value) -> 
         '"smooth(a)" = ">= -3"',
         '"way(a) since far(a)" = "<= 1 m"',
         '"is_far(a)" = "<= 50 %"',
-        '"share(a)" = "<= 50 %"',
+        '"share(a)" = "<= 50 cm"',
     ],
 )
 def test_the_monitor_agrees_on_what_new_operations_compute(condition) -> None:

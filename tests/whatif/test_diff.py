@@ -68,15 +68,10 @@ def test_two_that_flip_only_together_are_both_named(shelf, rules):
     assert causes(shelf, old, new) == {"b": ("room: 2 cm → 1 cm", "reserve: 18 mm → 1 cm")}
 
 
-def test_what_a_task_binds_may_flip(shelf, rules, tmp_path):
+def test_who_plays_the_roles_may_flip(shelf, rules):
     old = rules("old")
-    task = '[task.block_on_table]\nset = { room = "3 cm" }\n'
-    (tmp_path / "set.toml").write_text(OLD + task)
-    assert causes(shelf, old, tmp_path / "set.toml") == {"c": ("room: 2 cm → 3 cm",)}
-    task = '[task.block_on_table]\nroles = { target = "table" }\n'
-    (tmp_path / "roles.toml").write_text(OLD + task)
-    found = causes(shelf, old, tmp_path / "roles.toml")
-    assert set(found.values()) == {("who plays the roles",)}
+    new = rules("new", ('target = "object" }', 'target = "object tagged precious" }'))
+    assert set(causes(shelf, old, new).values()) == {("who plays the roles",)}
 
 
 def test_the_rates_that_moved_are_those_of_scoring(shelf):
