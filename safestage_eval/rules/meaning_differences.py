@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from . import syntax as ast
@@ -33,6 +33,12 @@ _WORDS: dict[str, str] = {
     "given": "only if", "during": "judged during", "at": "judged at", "until": "until",
     "for": "for", "roles": "roles",
 }  # fmt: skip
+
+
+_ORDER: tuple[Kind, ...] = (
+    "param", "material", "state", "phase", "signal", "baseline", "cost", *_LISTED, *_FIELDS
+)  # fmt: skip
+"""Of parts in lists."""
 
 
 @dataclass(frozen=True)
@@ -78,25 +84,17 @@ class Meaning:
 
 def differences(before: Meaning, after: Meaning) -> list[Part]:
     """Everything that differs between two meanings of a rule and may move its verdicts."""
-    values = [
-        Part("param", name, value_text(before.params.get(name)), value_text(after.params.get(name)))
-        for name in _union(_uses(before).params, _uses(after).params)
-        if before.params.get(name) != after.params.get(name)
-    ]
+    old, new = (_parts(side, before, after) for side in (before, after))
+    keys = sorted(_union(old, new), key=lambda key: _ORDER.index(key[0]))
     parts = []
-    for material, column in _cells(before, after):
-        old, new = (_cell(side, material, column) for side in (before, after))
-        if old != new:
-            parts.append(Part("material", f"{material}.{column}", value_text(old), value_text(new)))
-    for kind, old_table, new_table, said in _definitions(before, after):
-        for name in _union(old_table, new_table):
-            old_def, new_def = old_table.get(name), new_table.get(name)
-            if old_def != new_def:
-                parts.append(Part(kind, name, said(old_def, before), said(new_def, after)))
-    if before.rules.baseline != after.rules.baseline:
-        spans = (syntax_words.span(side.rules.baseline, side.params) for side in (before, after))
-        parts.append(Part("baseline", "", *spans))
-    return values + parts + _of_rule(before, after)
+    for key in keys:
+        a, b = old.get(key), new.get(key)
+        if a != b:
+            said = [_said(key, part, side) for part, side in ((a, before), (b, after))]
+            if key[0] == "cost" and said[0] == said[1]:
+                said = ["as it was", "as it is"]
+            parts.append(Part(*key, *said))
+    return parts
 
 
 def mixed(before: Meaning, after: Meaning, chosen: Collection[Part]) -> Meaning:
@@ -110,26 +108,21 @@ def mixed(before: Meaning, after: Meaning, chosen: Collection[Part]) -> Meaning:
     materials: dict[str, dict[str, ast.Quantity]] = {}
     for name in _union(a.materials, b.materials):
         old, new = a.materials.get(name, {}), b.materials.get(name, {})
-        row = dict(old)
-        for column in _union(old, new):
-            if ("material", f"{name}.{column}") in keys:
-                row.pop(column, None)
-                row.update({column: new[column]} if column in new else {})
-        materials[name] = row
+        sides = {c: new if ("material", f"{name}.{c}") in keys else old for c in _union(old, new)}
+        materials[name] = {column: row[column] for column, row in sides.items() if column in row}
     for column, value in b.materials.get("default", {}).items():
         materials["default"].setdefault(column, value)
     rule = _mixed_rule(before.rule, after.rule, keys)
+    signals = pick("signal", {**a.signals, **a.derived}, {**b.signals, **b.derived})
     rules = replace(
         a,
         materials=materials,
-        signals=_still(pick("signal", _signals(a), _signals(b)), ast.SignalDef),
-        derived=_still(pick("signal", _signals(a), _signals(b)), ast.DerivedDef),
+        signals={name: one for name, one in signals.items() if isinstance(one, ast.SignalDef)},
         states=pick("state", a.states, b.states),
         phases=pick("phase", a.phases, b.phases),
         baseline=b.baseline if ("baseline", "") in keys else a.baseline,
-        rules={**a.rules, rule.code: rule} if isinstance(rule, ast.Rule) else a.rules,
-        costs={**a.costs, rule.code: rule} if isinstance(rule, ast.Cost) else a.costs,
-    )
+        derived={name: one for name, one in signals.items() if isinstance(one, ast.DerivedDef)},
+    ).with_scoped(rule)
     return Meaning(rules, rule, pick("param", before.params, after.params))
 
 
@@ -140,68 +133,47 @@ def _mixed_rule(old: ast.Scoped, new: ast.Scoped, keys: Collection[tuple[str, st
         field: getattr(new, field) for kind, field in _FIELDS.items() if (kind, "") in keys
     }
     for kind in _LISTED:
-        merged: Any = _merged(kind, _entries(old, kind), _entries(new, kind), keys)
+        merged, others = _entries(old, kind), _entries(new, kind)
+        for name in [name for name in _union(merged, others) if (kind, name) in keys]:
+            merged.pop(name, None)
+            merged |= {name: others[name]} if name in others else {}
+        items: Any = tuple(merged.values())
         if CLAUSES[kind].value == "condition":
-            merged = ast.Condition(merged) if merged else None
-        changes[kind] = merged
+            items = ast.Condition(items) if items else None
+        changes[kind] = items
     return replace(old, **changes)
 
 
-def _merged(
-    kind: str, old: Mapping[str, Any], new: Mapping[str, Any], keys: Collection[tuple[str, str]]
-) -> tuple[Any, ...]:
-    merged = dict(old)
-    for name in _union(old, new):
-        if (kind, name) in keys:
-            merged.pop(name, None)
-            merged.update({name: new[name]} if name in new else {})
-    return tuple(merged.values())
-
-
-def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
-    old, new = before.rule, after.rule
-    if isinstance(old, ast.Cost) or isinstance(new, ast.Cost):
-        names = [f.name for f in fields(old) if f.compare and f.name not in ("title", "set")]
-        if type(old) is type(new) and all(getattr(old, n) == getattr(new, n) for n in names):
-            return []
-        said = [_charged(side) for side in (before, after)]
-        return [Part("cost", "", *(said if said[0] != said[1] else ("as it was", "as it is")))]
-    parts = []
+def _parts(side: Meaning, *both: Meaning) -> dict[tuple[Kind, str], Any]:
+    """All that a rule's meaning is made of: the definitions that either of both reaches, and what is its own."""
+    rules, rule = side.rules, side.rule
+    uses = [uses_of(one.rules, one.rule, one.params) for one in both]
+    parts: dict[tuple[Kind, str], Any] = {
+        ("param", name): side.params.get(name) for one in uses for name in one.params
+    }
+    for material in [name for one in both for name in one.rules.materials]:
+        for column in [column for one in uses for column in one.columns]:
+            cell = rules.materials.get(material, {}).get(column)
+            parts["material", f"{material}.{column}"] = cell
+    called = {name for one in uses for name in (*one.states, *one.phases)}
+    parts |= {("state", name): node for name, node in rules.states.items() if name in called}
+    parts |= {("phase", name): node for name, node in rules.phases.items() if name in called}
+    parts |= {("signal", name): node for name, node in {**rules.signals, **rules.derived}.items()}
+    parts["baseline", ""] = rules.baseline
+    if any(isinstance(one.rule, ast.Cost) for one in both):
+        parts["cost", ""] = replace(rule, title="", set=())
+        return parts
     for kind in _LISTED:
-        before_items, after_items = _entries(old, kind), _entries(new, kind)
-        for name in _union(before_items, after_items):
-            a, b = before_items.get(name), after_items.get(name)
-            if a != b:
-                parts.append(
-                    Part(
-                        kind,
-                        name,
-                        None if a is None else _limits(name, a, before.params),
-                        None if b is None else _limits(name, b, after.params),
-                    )
-                )
-    for field, attribute in _FIELDS.items():
-        a, b = getattr(old, attribute), getattr(new, attribute)
-        if a != b:
-            parts.append(Part(field, "", _said(a, before.params), _said(b, after.params)))
-    return parts
+        parts |= {(kind, name): item for name, item in _entries(rule, kind).items()}
+    return parts | {(kind, ""): getattr(rule, field) for kind, field in _FIELDS.items()}
 
 
-def _charged(side: Meaning) -> str:
-    charges = side.rule.charge if isinstance(side.rule, ast.Cost) else ()
-    return "; ".join(syntax_words.charge(item, side.params) for item in charges) or "a rule"
-
-
-def _entries(rule: ast.Rule, kind: ClauseKind) -> dict[str, ast.Atom | ast.Alternative]:
-    """The entries of an obligation by what they are about."""
-    items = CLAUSES[kind].entries(getattr(rule, kind))
-    return _named({}, [(_name(item), item) for item in items])
-
-
-def _named(by_name: dict[str, Any], items: list[tuple[str, Any]]) -> dict[str, Any]:
-    """By name; a second one of the same name is numbered."""
-    for name, item in items:
-        unique, count = name, 2
+def _entries(rule: ast.Scoped, kind: ClauseKind) -> dict[str, Any]:
+    """The entries of an obligation by what they are about; a second one of the same name is numbered."""
+    by_name: dict[str, Any] = {}
+    for item in CLAUSES[kind].entries(getattr(rule, kind)):
+        name = unique = _name(item)
+        count = 2
         while unique in by_name:
             unique, count = f"{name} ({count})", count + 1
         by_name[unique] = item
@@ -217,88 +189,44 @@ def _name(item: Any) -> str:
         return f"{item.call}{since}"
     if isinstance(item, ast.StateAtom | ast.CountAtom):
         return str(item.call)
-    if isinstance(item, ast.Event):
-        return syntax_words.event(item)
-    return (
-        syntax_words.atom(item, {})
-        if isinstance(item, ast.AnyOf)
-        else syntax_words.condition(item, {})
-    )
+    return _in_words(item, {})
 
 
-def _limits(name: str, item: Any, params: ast.Params) -> str:
-    """An obligation in words, without the name that it is listed under."""
-    said = _said(item, params) or ""
-    return said.removeprefix(name).strip() or said
-
-
-def _said(item: Any, params: ast.Params) -> str | None:
+def _said(key: tuple[Kind, str], item: Any, side: Meaning) -> str | None:
+    """A part in words, an entry without the name that it is listed under; None where it is missing."""
     if item is None:
         return None
-    if isinstance(item, ast.Condition):
-        return syntax_words.condition(item, params)
-    if isinstance(item, ast.Event):
-        return syntax_words.event(item)
-    if isinstance(item, ast.Duration | ast.Parameter):
-        return syntax_words.duration(item, params)
-    if isinstance(item, ast.Atom):
-        return syntax_words.atom(item, params)
-    if isinstance(item, tuple):  # roles
-        return "; ".join(f"{name}: {syntax_words.role(spec)}" for name, spec in item)
+    if key[0] in _LISTED:
+        said = _in_words(item, side.params)
+        return said.removeprefix(key[1]).strip() or said
+    return _in_words(item, side.params)
+
+
+def _in_words(item: Any, params: ast.Params) -> str:
+    match item:
+        case ast.Quantity() | ast.Duration():
+            return syntax_words.value(item)
+        case ast.Parameter():
+            return syntax_words.duration(item, params)
+        case ast.Condition() | ast.Event():
+            return syntax_words.alternative(item, params)
+        case ast.SignalAtom() | ast.StateAtom() | ast.CountAtom() | ast.AnyOf():
+            return syntax_words.atom(item, params)
+        case ast.StateDef():
+            return syntax_words.state(item, params)
+        case ast.PhaseDef():
+            return syntax_words.phase(item, params)
+        case ast.DerivedDef():
+            return syntax_words.derived(item, params)
+        case ast.SignalDef():
+            return item.base
+        case ast.Cost():
+            return "; ".join(syntax_words.charge(one, params) for one in item.charge)
+        case ast.Rule():
+            return "a rule"
+        case tuple():  # roles
+            return "; ".join(f"{name}: {syntax_words.role(spec)}" for name, spec in item)
     return syntax_words.span(item, params)
-
-
-def _definitions(before: Meaning, after: Meaning) -> list[tuple[Kind, Any, Any, Any]]:
-    """States, phases and signals that either meaning reaches."""
-    used = [_uses(side) for side in (before, after)]
-    called = {name for side in used for name in (*side.states, *side.phases)}
-    a, b = before.rules, after.rules
-
-    def reached(table: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: item for name, item in table.items() if name in called}
-
-    return [
-        ("state", reached(a.states), reached(b.states), _state),
-        ("phase", reached(a.phases), reached(b.phases), _phase),
-        ("signal", _signals(a), _signals(b), _signal),
-    ]
-
-
-def _signals(rules: ast.RuleSet) -> dict[str, Any]:
-    """Variants and derived signals by name."""
-    return {**rules.signals, **rules.derived}
-
-
-def _still(signals: Mapping[str, Any], kind: type) -> dict[str, Any]:
-    return {name: one for name, one in signals.items() if isinstance(one, kind)}
-
-
-def _signal(item: ast.SignalDef | ast.DerivedDef | None, side: Meaning) -> str | None:
-    if isinstance(item, ast.DerivedDef):
-        return syntax_words.derived(item, side.params)
-    return None if item is None else item.base
-
-
-def _state(item: ast.StateDef | None, side: Meaning) -> str | None:
-    return None if item is None else syntax_words.state(item, side.params)
-
-
-def _phase(item: ast.PhaseDef | None, side: Meaning) -> str | None:
-    return None if item is None else syntax_words.phase(item, side.params)
-
-
-def _uses(side: Meaning) -> Any:
-    return uses_of(side.rules, side.rule, side.params)
-
-
-def _cells(before: Meaning, after: Meaning) -> list[tuple[str, str]]:
-    columns = _union(_uses(before).columns, _uses(after).columns)
-    materials = _union(before.rules.materials, after.rules.materials)
-    return [(material, column) for material in materials for column in columns]
-
-
-def _cell(side: Meaning, material: str, column: str) -> ast.Quantity | None:
-    return side.rules.materials.get(material, {}).get(column)
 
 
 def value_text(value: ast.Setting | None) -> str | None:
@@ -306,6 +234,6 @@ def value_text(value: ast.Setting | None) -> str | None:
     return None if value is None else syntax_words.value(value)
 
 
-def _union(old: Collection[str], new: Collection[str]) -> list[str]:
+def _union(old: Collection[Any], new: Collection[Any]) -> list[Any]:
     """The old names in their order, then the new ones."""
     return list(dict.fromkeys([*old, *new]))
