@@ -12,7 +12,7 @@ from safestage_eval.rules import rule_digest, syntax_words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
 from safestage_eval.rules.names import a_dimension
-from safestage_eval.rules.uses import Source, own_params, uses_of
+from safestage_eval.rules.uses import Source, Uses, own_params, uses_of
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS
 
@@ -70,6 +70,11 @@ def rule_facts(
             for material, row in rules.materials.items()
             if column in row
         ],
+        "overrides": {
+            key.partition(".")[2]: origins[key].was
+            for key in _named(rules, uses)
+            if key in origins and origins[key].was and key.removeprefix("param.") not in own
+        },
         "states": {
             str(ast.Call(name, rules.states[name].of)): syntax_words.state(
                 rules.states[name], params
@@ -86,12 +91,21 @@ def rule_facts(
             str(ast.Call(name, rules.derived[name].of)): syntax_words.derived(
                 rules.derived[name], params
             )
-            for name in uses.computed
+            for name in uses.declared
+            if name in rules.derived
         },
         "signals": list(uses.signals),
         "relations": list(uses.relations),
         "needs": list(uses.needs),
     }
+
+
+def _named(rules: ast.RuleSet, uses: Uses) -> Iterator[str]:
+    """The definitions that a rule uses, by kind and name."""
+    yield from (f"param.{name}" for name in uses.params)
+    yield from (f"material.{row}.{column}" for row in rules.materials for column in uses.columns)
+    for kind, names in (("state", uses.states), ("phase", uses.phases), ("signal", uses.declared)):
+        yield from (f"{kind}.{name}" for name in names)
 
 
 def _asked(rule: ast.Rule, params: ast.Params) -> dict[str, Any]:
@@ -156,7 +170,7 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
         "materials",
         [_value_row(f"{m['column']} of {m['material']}", m) for m in facts["materials"]],
     )
-    for kind in ("states", "phases", "computed"):
+    for kind in ("overrides", "states", "phases", "computed"):
         lines += _table(kind, [[name, meaning] for name, meaning in facts[kind].items()])
     measured = [[name, SIGNALS[name].meaning] for name in facts["signals"]]
     measured += [[name, RELATIONS[name].meaning] for name in facts["relations"]]

@@ -57,7 +57,7 @@ class Coherence:
         """Two files that do not extend one another must not mean two things by one name."""
         seen: dict[tuple[str, ...], list[tuple[RuleFile, Any, Keys]]] = {}
         for file in self._files:
-            for name, value, keys in _definitions(file):
+            for name, value, keys in definitions(file):
                 for other, meant, _ in seen.get(name, ()):
                     if other is file or (meant != value and not _related(file, other)):
                         here = "twice in this file" if other is file else f"in {other.path} too"
@@ -214,13 +214,13 @@ class Coherence:
             if not file.asked or not any(_definitions_of(file, kind) for kind in ("rule", "cost")):
                 continue
             bases = [other for other in self._files if other.path in file.extends]
-            for name, _, keys in _definitions(file):
+            for name, _, keys in definitions(file):
                 kind = name[0]
                 if kind not in ("param", "signal", "state", "phase", "material"):
                     continue
                 if ("column" if kind == "material" else kind, name[-1]) in reads:
                     continue
-                if any(name == other for base in bases for other, _, _ in _definitions(base)):
+                if any(name == other for base in bases for other, _, _ in definitions(base)):
                     continue
                 self._problems.append(
                     file.diagnostic(
@@ -260,7 +260,7 @@ class Coherence:
         return reached
 
 
-def _definitions(file: RuleFile) -> Iterator[tuple[tuple[str, ...], Any, Keys]]:
+def definitions(file: RuleFile) -> Iterator[tuple[tuple[str, ...], Any, Keys]]:
     """Kind and name, value as written, and place of all that a file defines."""
     for kind in ("param", "signal", "state", "phase", "goal"):
         for name, value in table_of(file.table, kind).items():

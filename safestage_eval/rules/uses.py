@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
+from .coherence_checks import definitions
 from .digest import reached
 from .files import RuleFile, read_files
 
@@ -22,7 +24,7 @@ class Uses:
     Attributes:
         signals, relations: built-in names, sorted.
         states, phases: declared names, in the order in which they are reached.
-        computed: declared signals that are computed from others.
+        declared: declared signals, variants of built-in ones and computed ones.
         params: parameter → the value that holds.
         columns: material columns.
         needs: what a trace must hold (poses, geometry, forces, …), sorted.
@@ -35,16 +37,17 @@ class Uses:
     params: dict[str, ast.Setting]
     columns: tuple[str, ...]
     needs: tuple[str, ...]
-    computed: tuple[str, ...] = ()
+    declared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a value stands, and what its author wrote beside it."""
+    """Where a definition stands, what its author wrote beside it, and what it overrides, if it does."""
 
     path: str
     line: int
     comment: str
+    was: str = ""
 
 
 def own_params(rules: ast.RuleSet, rule: ast.Scoped) -> dict[str, ast.Setting]:
@@ -73,7 +76,7 @@ def uses_of(rules: ast.RuleSet, node: Any, params: ast.Params) -> Uses:
         {name: params[name] for name in names.get("param", ())},
         tuple(names.get("material", ())),
         tuple(sorted(needs)),
-        tuple(name for name in names.get("signal", ()) if name in rules.derived),
+        tuple(names.get("signal", ())),
     )
 
 
@@ -90,19 +93,40 @@ def calls(node: Any) -> Iterator[ast.Call]:
 
 
 def sources(specs: Sequence[str | Path]) -> dict[str, Source]:
-    """``param.edge``, ``material.bottle.max_tilt`` → where its value stands.
+    """``param.edge``, ``material.bottle.max_tilt``, ``state.moved`` → where it stands.
 
     Of several files that define a name, the last one that is read counts, as it does in the rules.
     """
-    places = {}
+    places: dict[str, Source] = {}
+    values: dict[str, Any] = {}
     for file in read_files(specs)[0]:
-        for name in file.table.get("param", {}):
-            places[f"param.{name}"] = _source(file, ("param", name))
-        for material, row in file.table.get("material", {}).items():
-            for column in row:
-                keys = ("material", material, column)
-                places[f"material.{material}.{column}"] = _source(file, keys)
+        for name, value, keys in definitions(file):
+            key, source = ".".join(name), _source(file, keys)
+            if key in places and values[key] != value:
+                before = places[key]
+                source = replace(
+                    source, was=f"{_was(values[key], value)} ({before.path}:{before.line})"
+                )
+            places[key], values[key] = source, value
     return places
+
+
+def _was(old: Any, new: Any) -> str:
+    """What one value, or the entries of one table, had been before another came in its place."""
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return f"was {_toml(old)}"
+    changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
+    return "; ".join(
+        f"{key} was {_toml(old[key])}" if key in old else f"{key} was not there" for key in changed
+    )
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{k} = {_toml(v)}' for k, v in value.items())} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _source(file: RuleFile, keys: tuple[str, ...]) -> Source:

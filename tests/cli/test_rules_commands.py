@@ -67,6 +67,20 @@ def test_a_rules_own_value_says_so(mine):
     ]
 
 
+def test_what_a_file_overrides_of_one_that_it_extends_is_said(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        '[ruleset]\nformat = 1\nname = "mine"\nversion = "1"\nextends = ["defaults"]\n'
+        '[param]\nmoved = "5 cm"\n[[rule]]\ncode = "ETS901"\ntitle = "Leave it"\n'
+        'roles = { a = "object" }\nforbid = "moved(a)"\n'
+    )
+    base = load_rules(["defaults"]).params["moved"].text
+    said = shown(path)[0]["overrides"]
+    assert list(said) == ["moved"]
+    assert said["moved"].startswith(f'was "{base}" (')
+    assert "defaults.toml:" in run("rules", "show", path).text
+
+
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_built_in_rule_can_be_explained(name):
     rules, done = load_rules([name]), run("rules", "show", name)

@@ -233,7 +233,7 @@ def test_a_digest_reaches_through_and_uses_are_reported() -> None:
     assert rule_digest(found, rule, params) != rule_digest(found, rule, twice)
     uses = uses_of(found, rule, params)
     assert uses.signals == ("height",)
-    assert set(uses.computed) == {"size", "apart", "rising", "sum_up", "scaled"}
+    assert set(uses.declared) == {"size", "apart", "rising", "sum_up", "scaled"}
     said = explain_rule(rule_facts(found, rule, {}))
     assert "apart(x, y)" in said
     assert "difference of height(x) and height(y)" in said
