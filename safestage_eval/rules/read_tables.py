@@ -169,14 +169,16 @@ class Tables(Kinds):
             self.report("R205", here.inner(operations[-1], key=True), what, allowed)
         elif operations:
             return self._derived(name, operations[0], table, here, scope)
-        elif base is None and not any(f"signal.{key}" in GONE for key in value):
+        elif isinstance(value, dict) and any(f"signal.{key}" in GONE for key in value):
+            pass  # it names an operation that the language had
+        elif base is None:
             what = f'[signal.{name}] needs "base", or an operation'
             allowed = f'base = "impact"; or one of {", ".join(OPERATIONS)} = [...]'
             self.report("R202", here.at_key, what, allowed)
-        elif base is not None and base not in SIGNALS:
+        elif base not in SIGNALS:
             what = f'there is no built-in signal "{base}"'
             self.report("R401", here.inner("base"), what, ", ".join(SIGNALS), near=(base, SIGNALS))
-        elif base is not None:
+        else:
             self.scope(("signal", name), f"signal {name}")
             return self._variant(name, base, table, here)
         return None
