@@ -27,29 +27,37 @@ def read(files: Sequence[RuleFile]) -> tuple[list[Diagnostic], ast.RuleSet]:
 
     A later definition of a name replaces an earlier one; what cannot be read is left out.
     """
-    names = Names.of_table(file.table for file in files)
+    names = Names()
     problems: list[Diagnostic] = []
+    heads: list[dict[str, Any]] = []
     scopes: dict[Read, tuple[Values, Scope]] = {}
     defined: dict[str, dict[str, Any]] = {kind: {} for kind in DEFINITIONS}
-    defined["material"]["default"] = {}
     judged: dict[str, dict[str, Any]] = {kind: {} for kind in REPEATED}
-    heads = []
-    baseline: ast.Span | None = string_parser.span("first 5 frames of episode")
-    for file in files:
-        tables = Tables(file, names, problems)
+    readers = [Tables(file, names, problems) for file in files]
+    rows: list[tuple[Tables, str, dict[str, ast.Quantity | None]]] = []
+    for tables in readers:  # first what names stand for, then what uses them
         tables.strangers()
         head = tables.head()
-        if file.asked:
-            heads.append(head)
+        heads += [head] if tables.file.asked else []
+        for name, value in table_of(tables.file.table, "param").items():
+            defined["param"][name] = tables.param(name, value)
+        for name, row in table_of(tables.file.table, "material").items():
+            rows.append((tables, name, tables.material(name, row)))
+        names.declare(tables.file.table)
+    names.derive()
+    default: dict[str, ast.Quantity | None] = {}
+    for _, name, cells in rows:
+        default = {**cells, **default} if name == "default" else default
+    for tables, name, cells in rows:
+        tables.columns(name, cells, default)
+        known = {column: value for column, value in cells.items() if value is not None}
+        defined["material"][name] = {**defined["material"].get(name, {}), **known}
+    defined["material"].setdefault("default", {})
+    baseline: ast.Span | None = string_parser.span("first 5 frames of episode")
+    for tables in readers:
+        file = tables.file
         if "baseline" in file.table:
             baseline = tables.baseline(file.table["baseline"])
-        for name, value in table_of(file.table, "param").items():
-            here = Place(("param", name))
-            tables.declared_name(name, here)
-            defined["param"][name] = tables.value_of(value, here)
-        for name, row in table_of(file.table, "material").items():
-            before = defined["material"].get(name, {})
-            defined["material"][name] = {**before, **tables.material(name, row)}
         for kind in NAMED:
             for name, value in table_of(file.table, kind).items():
                 defined[kind][name] = tables.definition(kind, name, value)

@@ -47,7 +47,6 @@ class Coherence:
         self._conflicts()
         self._shared_names()
         self._circles()
-        self._materials()
         self._groups()
         self._joints()
         self._unread()
@@ -123,39 +122,6 @@ class Coherence:
 
         for read in self._scopes:
             visit(read, ())
-
-    def _materials(self) -> None:
-        """The default row declares the columns and their dimensions."""
-        default = {
-            column
-            for file in self._files
-            for column in table_of(table_of(file.table, "material"), "default")
-        }
-        names = Names.of_table(
-            {"material": {"default": table_of(table_of(file.table, "material"), "default")}}
-            for file in self._files
-        )
-        for file in self._files:
-            for material, row in table_of(file.table, "material").items():
-                for column in row if isinstance(row, dict) else ():
-                    keys = ("material", material, column)
-                    if column not in default:
-                        self._problems.append(
-                            file.diagnostic(
-                                "R409", keys, f'[material.default] has no column "{column}"',
-                                ", ".join(sorted(default)),
-                                "give the default row a value for it", key=True,
-                            )
-                        )  # fmt: skip
-                        continue
-                    given = Names.of_table([{"material": {"default": row}}]).columns[column]
-                    if given and names.columns[column] and given != names.columns[column]:
-                        self._problems.append(
-                            file.diagnostic(
-                                "R407", keys,
-                                f"{column} is in {names.columns[column]}, not in {given}", key=False,
-                            )
-                        )  # fmt: skip
 
     def _groups(self) -> None:
         """``robot`` may be passed to a state only if all it ends up in can take several bodies."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,16 +49,6 @@ class Names:
     derived: dict[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @classmethod
-    def of_table(cls, tables: Iterable[Mapping[str, Any]]) -> Names:
-        """From files as TOML gives them, of any shape; a later one overrides an earlier one."""
-        names = cls()
-        for table in tables:
-            names._add(table)
-        for name in names.derived:
-            names._derive(name)
-        return names
-
-    @classmethod
     def of_rules(cls, rules: ast.RuleSet) -> Names:
         """From a rule set that is already loaded."""
         default = rules.materials.get("default", {})
@@ -86,12 +76,11 @@ class Names:
         """All names that take roles in a condition."""
         return [*SIGNALS, *self.variants, *RELATIONS, *self.states]
 
-    def _add(self, table: Mapping[str, Any]) -> None:
-        for name, value in table_of(table, "param").items():
-            self.params[name] = _dimension(value)
-        for row in table_of(table, "material").values():
-            for column, value in row.items() if isinstance(row, dict) else ():
-                self.columns.setdefault(column, _dimension(value))
+    def declare(self, table: Mapping[str, Any]) -> None:
+        """Take up the states, phases and signals of a file as TOML gives it, of any shape.
+
+        A later one overrides an earlier one; ``derive`` says what computed ones are.
+        """
         for kind, declared in (("state", self.states), ("phase", self.phases)):
             for name, value in table_of(table, kind).items():
                 declared[name] = _formals(value)
@@ -104,6 +93,11 @@ class Names:
             base = value.get("base") if isinstance(value, dict) else None
             spec = SIGNALS.get(base) if isinstance(base, str) else None
             self.variants[name] = spec.variant(value) if spec is not None else None
+
+    def derive(self) -> None:
+        """Find what all computed signals are."""
+        for name in self.derived:
+            self._derive(name)
 
     def operand_dimension(self, value: Any) -> str | None:
         """Dimension of the operands of a derived signal, as TOML gives them; None if unknown."""
@@ -198,15 +192,6 @@ def table_of(table: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The table of that name in another as TOML gives it; empty where there is none."""
     inner = table.get(name)
     return inner if isinstance(inner, dict) else {}
-
-
-def _dimension(value: Any) -> str | None:
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        return None
-    try:
-        return dimension_of(string_parser.setting(value))
-    except string_parser.GrammarError:
-        return None
 
 
 def _formals(value: Any) -> tuple[str, ...] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -12,7 +12,7 @@ from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
 from .clauses import CLAUSES
-from .names import operands_of
+from .names import dimension_of, operands_of
 from .operations import OPERATIONS, DimensionError, Operation, dimension_of_result
 from .read_kinds import CODE, Kinds
 from .read_values import Place, Read, Scope
@@ -98,23 +98,50 @@ class Tables(Kinds):
             )  # fmt: skip
         return span
 
-    def material(self, name: str, row: Any) -> dict[str, ast.Quantity]:
-        """``[material.NAME]``: column → value."""
+    def param(self, name: str, value: Any) -> ast.Setting | None:
+        """``NAME = VALUE`` under ``[param]``."""
+        here = Place(("param", name))
+        self.declared_name(name, here)
+        node = self.value_of(value, here)
+        self.names.params[name] = None if node is None else dimension_of(node)
+        return node
+
+    def material(self, name: str, row: Any) -> dict[str, ast.Quantity | None]:
+        """``[material.NAME]``: column → value; None for one that cannot be read."""
         here = Place(("material", name))
         self.declared_name(name, here)
         if not isinstance(row, dict):
             self.wrong(here, "a material is a table of columns", "[material.bottle]")
             return {}
-        columns = {}
+        columns: dict[str, ast.Quantity | None] = {}
         for column, value in row.items():
             at = here.inner(column)
             self.declared_name(column, at)
             quantity = self.value_of(value, at)
             if isinstance(quantity, ast.Duration):
                 self.report("R407", at, "a column holds quantities, not durations")
-            elif quantity is not None:
-                columns[column] = quantity
+            columns[column] = quantity if isinstance(quantity, ast.Quantity) else None
+            dimension = None if quantity is None else dimension_of(quantity)
+            self.names.columns.setdefault(column, dimension)
         return columns
+
+    def columns(
+        self,
+        name: str,
+        row: Mapping[str, ast.Quantity | None],
+        default: Mapping[str, ast.Quantity | None],
+    ) -> None:
+        """Whether the default row, which declares columns and their dimensions, has those of another."""
+        for column, value in row.items():
+            here, meant = Place(("material", name, column)), default.get(column)
+            if column not in default:
+                self.report(
+                    "R409", here.at_key, f'[material.default] has no column "{column}"',
+                    ", ".join(sorted(default)), "give the default row a value for it",
+                )  # fmt: skip
+            elif value is not None and meant is not None and value.dimension != meant.dimension:
+                what = f"{column} is in {meant.dimension}, not in {value.dimension}"
+                self.report("R407", here, what)
 
     def definition(self, kind: str, name: str, value: Any) -> Any:
         """``[state.NAME]`` and the like; None for one that lacks what it needs."""

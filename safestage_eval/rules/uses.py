@@ -129,7 +129,7 @@ def _toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _source(file: RuleFile, keys: tuple[str, ...]) -> Source:
+def _source(file: RuleFile, keys: tuple[str | int, ...]) -> Source:
     spot = file.locations.value(keys)
     rest = file.locations.line(spot.line)[spot.column - 1 + spot.length :]
     _, mark, comment = rest.partition("#")
