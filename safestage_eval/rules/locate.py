@@ -8,6 +8,7 @@ multi-line strings, ``[[arrays of tables]]`` and their sub-tables.
 from __future__ import annotations
 
 import bisect
+import itertools
 import re
 import tomllib
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ Keys = tuple[str | int, ...]
 """The way to an entry: ``("rule", 0, "require", "speed(target)")``."""
 
 _SPACE = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_BETWEEN = re.compile(r"(?:[ \t\r\n,]|#[^\n]*)*")
 LONG = 400
 """Characters of a line that are shown around a problem."""
 
@@ -110,8 +112,8 @@ class Locations:
                 self._entry(table)
             self._skip()
 
-    def _skip(self) -> None:
-        match = _SPACE.match(self._text, self._position)
+    def _skip(self, what: re.Pattern[str] = _SPACE) -> None:
+        match = what.match(self._text, self._position)
         self._position = match.end() if match else self._position
 
     def _header(self) -> Keys:
@@ -169,39 +171,24 @@ class Locations:
     def _value(self, path: Keys) -> None:
         first = self._position
         opening = self._text[first]
-        if opening == "[":
-            self._items(path)
-        elif opening == "{":
-            self._inline(path)
+        if opening in "[{":
+            self._members(path, "]" if opening == "[" else "}")
         elif self._string() is None:
             match = _SCALAR.match(self._text, first)
             self._position = first + len(match[0].rstrip()) if match else first + 1
         self._values[path] = (first, self._position)
 
-    def _items(self, path: Keys) -> None:
+    def _members(self, path: Keys, closing: str) -> None:
+        """What stands in an array or an inline table."""
         self._position += 1
-        index = 0
-        while True:
-            self._skip()
-            if self._text[self._position] == "]":
+        for index in itertools.count():
+            self._skip(_BETWEEN)
+            if self._text[self._position] == closing:
                 break
-            if self._text[self._position] == ",":
-                self._position += 1
-                continue
-            self._value((*path, index))
-            index += 1
-        self._position += 1
-
-    def _inline(self, path: Keys) -> None:
-        self._position += 1
-        while True:
-            self._skip()
-            if self._text[self._position] == "}":
-                break
-            if self._text[self._position] == ",":
-                self._position += 1
-                continue
-            self._entry(path)
+            if closing == "]":
+                self._value((*path, index))
+            else:
+                self._entry(path)
         self._position += 1
 
     def _string(self) -> str | None:

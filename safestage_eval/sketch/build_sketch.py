@@ -23,9 +23,9 @@ from safestage_eval.geometry.pose import conjugate, product
 
 from . import hand
 from .paths import GRAVITY, Paths
-from .sketch_contacts import AXES, Forces
+from .sketch_contacts import Forces
 from .sketch_model import BodySketch, Channel, Hold, JointSketch, Reach, Sketch, Step, Touch
-from .solids import Solid, ground, solid
+from .solids import AXES, Solid, ground, solid
 
 F64 = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules.diagnostic import Diagnostic, RuleErrors, rendered
-from safestage_eval.rules.files import builtin_folder, parsed
-from safestage_eval.rules.locate import Keys, Locations
+from safestage_eval.rules.files import RuleFile, builtin_folder, parsed
+from safestage_eval.rules.locate import Keys
 
 from .build_sketch import BrokenSceneError, build
 from .sketch_model import STEPS, Sketch, Step
@@ -84,7 +84,7 @@ def draw(text: str, path: str, name: str, knobs: Mapping[str, str] | None = None
         table = parsed(text, path)[1]
     except RuleErrors as error:
         raise SketchError([replace(one, code="K101") for one in error.diagnostics]) from None
-    page = _Page(path, text)
+    page = _Page(RuleFile(path, text, table, asked=True))
     declared = table.get("knobs", {})
     values = {k: str(v) for k, v in declared.items()} if isinstance(declared, dict) else {}
     for knob, value in (knobs or {}).items():
@@ -109,19 +109,13 @@ def draw(text: str, path: str, name: str, knobs: Mapping[str, str] | None = None
 class _Page:
     """A file being read; collects its mistakes."""
 
-    def __init__(self, path: str, text: str) -> None:
-        self.path, self.spots = path, Locations(text)
+    def __init__(self, file: RuleFile) -> None:
+        self.file = file
         self.problems: list[Diagnostic] = []
         self.used: set[str] = set()
 
     def report(self, code: str, keys: Keys, message: str, allowed: str = "") -> None:
-        spot = self.spots.value(keys)
-        line = self.spots.line(spot.line)
-        self.problems.append(
-            Diagnostic(
-                self.path, spot.line, spot.column, code, message, allowed, "", line, spot.length
-            )
-        )
+        self.problems.append(self.file.diagnostic(code, keys, message, allowed, key=False))
 
     def filled(self, keys: Keys, value: Any, knobs: Mapping[str, str]) -> Any:
         """Replace every {knob} in the strings of a value."""

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from safestage_eval.geometry.pose import product, rotate
 
 from .sketch_model import Drop, Move, Roll, Step, Tip, Turn
-from .solids import Solid, ground
+from .solids import AXES, Solid, ground
 
 F64 = NDArray[np.float64]
 
 GRAVITY = 9.81
-_AXES = {"x": np.array([1.0, 0, 0]), "y": np.array([0, 1.0, 0]), "z": np.array([0, 0, 1.0])}
 
 
 class Paths:
@@ -60,10 +59,9 @@ class Paths:
             self._turn((step.roll,), step.during, axis / np.linalg.norm(axis),
                        float(np.linalg.norm(way) / height), self._centre)  # fmt: skip
         elif isinstance(step, Turn):
-            self._turn(step.turn, step.during, _AXES[step.about], step.by, self._centre)
+            self._turn(step.turn, step.during, AXES[f"+{step.about}"], step.by, self._centre)
         elif isinstance(step, Tip):
-            sign = 1.0 if step.toward[0] == "+" else -1.0
-            toward = sign * _AXES[step.toward[1]]
+            toward = AXES[step.toward]
             bottom = self.solids[step.tip[0]].bottom(
                 self.pose(step.tip[0], self.frame(step.during[0]))
             )

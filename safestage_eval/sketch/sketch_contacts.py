@@ -16,17 +16,12 @@ from .hand import Visit
 from .paths import Paths
 from .resting import Resting, Row
 from .sketch_model import Hold, Reach, Touch
+from .solids import AXES
 
 F64 = NDArray[np.float64]
 
 GRIP_HEIGHT = 0.75
 """Default height of a grip, as a share of the body's height."""
-AXES = {
-    f"{sign}{axis}": (1.0 if sign == "+" else -1.0) * np.eye(3)[i]
-    for i, axis in enumerate("xyz")
-    for sign in "+-"
-}
-"""Side → outward normal (3,), world."""
 
 
 class Forces:

@@ -22,12 +22,12 @@ Pose = tuple[F64, F64]
 
 CUP_SIDES = 16
 """Flat walls around a cup."""
-UP: dict[str, Vec3 | None] = {
-    "x": (1.0, 0.0, 0.0),
-    "y": (0.0, 1.0, 0.0),
-    "z": (0.0, 0.0, 1.0),
-    "none": None,
+AXES = {
+    f"{sign}{axis}": (1.0 if sign == "+" else -1.0) * np.eye(3)[i]
+    for i, axis in enumerate("xyz")
+    for sign in "+-"
 }
+"""Side → outward normal (3,), world."""
 _LYING = {"z": (1.0, 0.0, 0.0, 0.0), "x": (0.5**0.5, 0.0, 0.5**0.5, 0.0)}
 _LYING["y"] = (0.5**0.5, -(0.5**0.5), 0.0, 0.0)
 
@@ -102,7 +102,7 @@ def solid(name: str, sketch: BodySketch) -> Solid:
             movable=not still if sketch.movable is None else sketch.movable,
             mass=sketch.mass,
             com=_com(sketch.shape),
-            up_axis=UP[up],
+            up_axis=None if up == "none" else _vec(AXES[f"+{up}"]),
             finger=sketch.finger,
             material=sketch.material,
             tags=sketch.tags,
