@@ -21,11 +21,12 @@ FORMAT = 1
 
 
 class _Type(NamedTuple):
-    """What TOML gives for a kind of key, an example of it, and its reader where there is more to it than the type."""
+    """What TOML gives for a kind of key, an example, its reader where there is one, and its grammar where it has one."""
 
     types: type | tuple[type, ...]
     example: str
     read: str = ""
+    production: str = ""
 
 
 KINDS: dict[str, _Type] = {
@@ -37,10 +38,10 @@ KINDS: dict[str, _Type] = {
     "box": _Type(list, '[["-50 cm", "-1 m", "0 m"], ["1 m", "1 m", "1.5 m"]]'),
     "code": _Type(str, 'text in quotes: "ETS101"', "code"),
     "goal table": _Type((str, dict), "the name of a goal, or { roles = { … }, require = { … } }", "bound_goal"),
-    "span": _Type(str, 'a span in quotes: "last 1 s of hold"', "span"),
-    "event": _Type(str, 'an event in quotes: "success", "start of moved(target)"', "event"),
-    "duration": _Type(str, 'a duration in quotes: "0.5 s", "3 frames @ 120 Hz"', "lasting"),
-    "call": _Type(str, 'a signal in quotes: "contact_force(robot, protected)"', "signal_call"),
+    "span": _Type(str, 'a span in quotes: "last 1 s of hold"', "span", "SPAN"),
+    "event": _Type(str, 'an event in quotes: "success", "start of moved(target)"', "event", "EVENT"),
+    "duration": _Type(str, 'a duration in quotes: "0.5 s", "3 frames @ 120 Hz"', "lasting", "DURATION"),
+    "call": _Type(str, 'a signal in quotes: "contact_force(robot, protected)"', "signal_call", "CALL"),
     "operands": _Type((str, list), '["displacement(a)", "2 cm"], or one signal in quotes'),
     "flag": _Type(bool, "true or false", "flag"),
     "per": _Type(str, '"start", "second" or "step"', "per"),
@@ -51,7 +52,7 @@ KINDS: dict[str, _Type] = {
     "names": _Type(list, '["a", "b"]', "declared_names"),
     "codes": _Type(list, '["…", "…"]', "codes"),
     "charges": _Type(list, '[{ when = "…", add = 1, per = "start" }]', "charges"),
-    "roles": _Type(dict, '{ target = "object" }', "roles"),
+    "roles": _Type(dict, '{ target = "object" }', "roles", "ROLE"),
     "players": _Type(dict, '{ target = "mug", protected = ["vase", "phone"] }', "players"),
     "settings": _Type(dict, '{ edge = "3 cm" }', "settings"),
     "levels": _Type(dict, '{ serious = { edge = "1 cm" } }', "levels"),
@@ -87,7 +88,7 @@ class Kinds(Values):
                     fix = f"{name} = {KINDS[key.kind].example}"
                     self.report("R202", here.at_key, f'{label} needs "{name}"', fix)
                 continue
-            at, value, (types, example, read) = here.inner(name), table[name], KINDS[key.kind]
+            at, value, (types, example, read, _) = here.inner(name), table[name], KINDS[key.kind]
             if (key.kind != "axis" and isinstance(value, bool) != (types is bool)) or not isinstance(value, types):  # fmt: skip
                 self.report("R203", at, f'"{name}" has a value of the wrong type', example)
                 continue

@@ -21,7 +21,7 @@ from . import string_parser
 from .clauses import CLAUSES
 from .keys import Key
 from .operations import OPERATIONS, OperationSpec
-from .read_kinds import CODE, FORMAT
+from .read_kinds import CODE, FORMAT, KINDS
 from .string_parser import NUMBER, pattern
 from .table_keys import IN_BIND, NAMED, REPEATED, TABLES
 
@@ -126,10 +126,13 @@ def _option(option: Option) -> dict[str, Any]:
 
 
 def _key(key: Key) -> dict[str, Any]:
-    names = f"^{_NAME}$"
-    match key.kind:
-        case "text" | "sentence" | "goal table":
-            return {"type": "string"}
+    """What a key may hold: by its grammar, as a kind of its own, or by its type in TOML."""
+    kind, names = key.kind, f"^{_NAME}$"
+    types, _, _, production = KINDS[kind]
+    if production:
+        one = _text(pattern(production))
+        return _mapping(names, one) if types is dict else one
+    match kind:
         case "base":
             return {"enum": list(SIGNALS)}
         case "box":
@@ -138,29 +141,14 @@ def _key(key: Key) -> dict[str, Any]:
             return {"const": FORMAT}
         case "code":
             return _text(CODE)
-        case "texts" | "codes":
-            return {"type": "array", "items": {"type": "string"}}
         case "names":
             return {"type": "array", "items": _text(_NAME), "uniqueItems": True}
         case "condition" | "alternative":
-            return {"$ref": f"#/definitions/{key.kind}"}
+            return {"$ref": f"#/definitions/{kind}"}
         case "alternatives":
             one = {"$ref": "#/definitions/alternative"}
             lone = {"allOf": [{"$ref": "#/definitions/condition"}, {"maxProperties": 1}]}
             return {"anyOf": [_text(pattern("EVENT")), lone, _list(one)]}
-        case "span":
-            return _text(pattern("SPAN"))
-        case "event":
-            return _text(pattern("EVENT"))
-        case "duration":
-            return _text(pattern("DURATION"))
-        case "call":
-            return _text(pattern("CALL"))
-        case "roles":
-            return _mapping(names, _text(pattern("ROLE")))
-        case "players":
-            several = {"type": "array", "items": {"type": "string"}}  # an empty list: no body
-            return _mapping(names, {"anyOf": [{"type": "string"}, several]})
         case "settings":
             return _mapping(names, _setting())
         case "levels":
@@ -171,21 +159,19 @@ def _key(key: Key) -> dict[str, Any]:
             return _list(_table("charge"))
         case "operands":
             return {}  # as many as the operation takes
-        case "flag":
-            return {"type": "boolean"}
-        case "number":
-            return {"type": "number"}
         case "value" | "budget":
-            return {
-                "anyOf": [
-                    {"type": "number"},
-                    _text(f"(?:{pattern('QUANTITY')}|{pattern('REFERENCE')})"),
-                ]
-            }
+            limit = _text(f"(?:{pattern('QUANTITY')}|{pattern('REFERENCE')})")
+            return {"anyOf": [{"type": "number"}, limit]}
         case "per":
             return {"enum": ["start", "second", "step"]}
-        case "axis" | "side":
-            raise ValueError(f"{key.kind} is a key of bind files, which have no schema")
+    return _OF_TYPE[types]
+
+
+_OF_TYPE: dict[Any, dict[str, Any]] = {
+    str: {"type": "string"}, bool: {"type": "boolean"}, (int, float): {"type": "number"},
+    list: {"type": "array", "items": {"type": "string"}},
+}  # fmt: skip
+"""What TOML gives → what JSON Schema calls it."""
 
 
 def _operands(operation: OperationSpec) -> dict[str, Any]:
