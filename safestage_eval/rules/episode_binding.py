@@ -37,6 +37,8 @@ class Binding:
         provenance: ``roles.target``, ``rules``, ``goal``, ``family``, ``param.edge`` → where it
             comes from (``trace header``, ``bind file``, ``command line``, ``--set``; ``BY_ROLES`` for rules that no source assigns).
         notes: what was asked for and could not be found.
+        rules: the rule set.
+        values: parameters that have another value than the rule files give them, and that value.
         untagged: warnings about roles whose bodies lack the tag that rules ask for.
     """
 
@@ -46,26 +48,14 @@ class Binding:
     family: str | None
     provenance: Mapping[str, str]
     notes: tuple[str, ...]
-    _rules: ast.RuleSet = field(repr=False)
-    _values: Mapping[str, ast.Setting] = field(repr=False)
+    rules: ast.RuleSet = field(repr=False)
+    values: Mapping[str, ast.Setting] = field(repr=False)
     untagged: tuple[str, ...] = ()
 
     def params(self, rule: ast.Scoped | None) -> dict[str, ast.Setting]:
         """Parameter values for a rule (None: for the goal), all sources applied in order."""
         own = dict(rule.set) if rule is not None else {}
-        return {**self._rules.params, **own, **self._values}
-
-    def resolved(self, rule: ast.Scoped | None) -> dict[str, tuple[ast.Setting, str]]:
-        """Parameter → its value for a rule and where that comes from."""
-        own = dict(rule.set) if rule is not None else {}
-        by_rule = f"rule {rule.code}" if rule is not None else ""
-        return {
-            name: (
-                value,
-                self.provenance.get(f"param.{name}", by_rule if name in own else "default"),
-            )
-            for name, value in self.params(rule).items()
-        }
+        return {**self.rules.params, **own, **self.values}
 
     def sources(self, rule: ast.Scoped, used: Iterable[str]) -> tuple[str, ...]:
         """Where the rule's bodies and its own assignment come from, and values that are not its own.
@@ -79,27 +69,12 @@ class Binding:
             if name in self.roles
         ]
         lines += [
-            f"{name} = {self._values[name].text}: {self.provenance[f'param.{name}']}"
-            for name in sorted(set(used) & self._values.keys())
+            f"{name} = {self.values[name].text}: {self.provenance[f'param.{name}']}"
+            for name in sorted(set(used) & self.values.keys())
         ]
         if rule.code in self.assigned:
             lines.append(f"assigned: {self.provenance['rules']}")
         return tuple(lines)
-
-    @property
-    def rules(self) -> ast.RuleSet:
-        """The rule set."""
-        return self._rules
-
-    @property
-    def values(self) -> Mapping[str, ast.Setting]:
-        """Parameters that have another value than the rule files give them, and that value."""
-        return self._values
-
-    @property
-    def overridden(self) -> frozenset[str]:
-        """Parameters that have another value than the rule files give them."""
-        return frozenset(self._values)
 
     def players(self, rule: ast.Scoped, header: Header) -> dict[str, tuple[str, ...]]:
         """Role of the rule → the bodies that play it; empty where none does."""
@@ -124,7 +99,7 @@ class Binding:
 
         Only names that no loaded rule or goal uses can be misspelt.
         """
-        rules = self._rules
+        rules = self.rules
         scoped: list[ast.Scoped | ast.GoalDef] = [
             *rules.rules.values(), *rules.costs.values(), *rules.goals.values()
         ]  # fmt: skip
@@ -145,7 +120,7 @@ class Binding:
 
     def warnings(self) -> list[str]:
         """Warnings about roles that nothing binds, that are misspelt, or whose bodies lack the tag."""
-        scoped = self._rules.scoped
+        scoped = self.rules.scoped
         if self.provenance.get("rules", BY_ROLES) == BY_ROLES:
             unbound = {role for rule in scoped.values() for role in self.unbound(rule)}
             warnings = [

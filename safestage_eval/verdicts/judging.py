@@ -222,7 +222,7 @@ class Judge:
         players = self.binding.players(rule, self.episode.header)
         self._check_distinct(rule, players)
         params = self.values(rule)
-        used = parameters_read(self.rules, rule) if self.binding.overridden else ()
+        used = parameters_read(self.rules, rule) if self.binding.values else ()
         digest = rule_digest(self.rules, rule, params)
         return self.blank(rule, self.binding, players, used, digest), players
 

@@ -78,12 +78,9 @@ def test_parameters_by_precedence() -> None:
                 overrides={"near": "7 cm"} if "override" in on else {},
             )
             rule = rules.rules["ETS901"]
-            source = chosen[-1][0] if chosen[-1][0] != "default" else "rule ETS901"
-            value, whence = binding.resolved(rule)["near"]
-            assert value.value == pytest.approx(values[chosen[-1][0]])
-            assert whence == source
-            assert binding.params(rule)["near"] == value
-            assert binding.resolved(rule)["hold"][1] == "default"
+            assert binding.params(rule)["near"].value == pytest.approx(values[chosen[-1][0]])
+            assert binding.provenance.get("param.near", "default") == chosen[-1][0]
+            assert "param.hold" not in binding.provenance
 
 
 def test_roles_goal_and_rules_by_precedence() -> None:
