@@ -44,11 +44,10 @@ RULE_FILES = {
     "material": EXTENDS + "[material.default]\nshare = {}\n",
     "severity": SHARE + "severity = { serious = { share = {} } }\n[param]\nshare = 0.9\n",
     "rule's set": SHARE + "set = { share = {} }\n[param]\nshare = 0.9\n",
-    "family's set": EXTENDS + "[param]\nshare = 0.9\n[family.f]\nset = { share = {} }\n",
     "charge": COST.replace("add = 1", "add = {}"),
     "budget": COST.replace("budget = 4", "budget = {}"),
     "above": COST.replace('"2 cm/s"', "{}").replace("speed(a)", "overlap_xy(a, a)"),
-    "operand": EXTENDS + '[signal.s]\nof = ["a", "b"]\nmax = ["overlap_xy(a, b)", {}]\n',
+    "operand": EXTENDS + '[signal.s]\nof = ["a", "b"]\nproduct = ["overlap_xy(a, b)", {}]\n',
     "format": RULE.replace("format = 1", "format = {}"),
 }
 """Place → a rule file with a bare number there."""
