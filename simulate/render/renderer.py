@@ -21,7 +21,7 @@ from simulate.catalogue.objects import REGION_ALPHA, catalogue
 from simulate.looks.room import Look, furnish
 from simulate.world.world import FLOOR_Z, TABLE_CENTRE, TABLE_HALF
 
-from .dressing import dress_bodies
+from .dressing import dress_arm, paint_body
 
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
@@ -72,7 +72,7 @@ class Style:
         shadow: texels on a side of the shadows' map; fewer are faster.
         samples: of each pixel, against steps in outlines; fewer are faster, 0 is fastest.
         matt: nothing shines, and what faces lamp and camera is not overexposed.
-        look: a room, its light and skins, for a recording of SafeStage's own; None: plain shapes.
+        look: a room, its light and paint, for a recording of SafeStage's own; None: plain shapes.
     """
 
     colors: Mapping[str, Color] = field(default_factory=dict)
@@ -88,7 +88,7 @@ class EpisodeRenderer(Closing):
     """Draws frames of an episode off screen. A context manager: it holds a graphics context.
 
     Without a look, the shapes are those of the trace, so the picture shows what is judged; with one,
-    skins stand about them. One at a time per process.
+    they are painted. One at a time per process.
     """
 
     def __init__(
@@ -142,9 +142,9 @@ class EpisodeRenderer(Closing):
         bodies = episode.header.bodies
         # unnamed: one may be called world
         nodes = {body.name: spec.worldbody.add_body(mocap=True) for body in bodies}
-        dressed = set() if style.look is None else dress_bodies(
-            spec, nodes, episode.header, style.colors, style.opacity, ROBOT_GROUP
-        )  # fmt: skip
+        dressed = set()
+        if style.look is not None:
+            dressed = dress_arm(spec, nodes, episode.header, ROBOT_GROUP)
         for i, body in enumerate(bodies):
             node = nodes[body.name]
             for geom in () if body.name in dressed else body.geoms:
@@ -152,6 +152,10 @@ class EpisodeRenderer(Closing):
                 solid = REGION_ALPHA if body.kind == "region" else 1.0
                 group = ROBOT_GROUP if body.kind in ("robot", "gripper") else 0
                 _add_geom(node, geom, color, style.opacity.get(body.name, solid), group)
+            if style.look is not None and body.name not in dressed:
+                paint_body(
+                    spec, node, body, style.colors.get(body.name), style.opacity.get(body.name, 1.0)
+                )
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
