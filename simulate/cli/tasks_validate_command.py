@@ -128,7 +128,7 @@ def validate(
     good = sum(trial.as_expected for trial in results)
     say(f"{good} of {len(results)} as they should be")
     if table is not None:
-        write_output(table, _page(results, controls, noisy, table).encode())
+        write_output(table, _page(results, controls, noisy).encode())
     if noisy is not None:
         sys.exit(_noise(results))
     if controls:
@@ -136,16 +136,12 @@ def validate(
     sys.exit(good < len(results))
 
 
-def _page(results: list[Trial], controls: bool, noisy: float | None, table: Path) -> str:
-    from simulate.feasibility.feasibility_table import page
-    from simulate.feasibility.firmness_table import controls_page, noise_page
+def _page(results: list[Trial], controls: bool, noisy: float | None) -> str:
+    from simulate.feasibility.feasibility_table import controls_page, noise_page, page
 
     if controls:
         return controls_page(results)
-    if noisy is None:
-        return page(results)
-    before = table.read_text(encoding="utf-8") if table.is_file() else ""
-    return noise_page(results, noisy, before)
+    return page(results) if noisy is None else noise_page(results, noisy)
 
 
 def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
@@ -163,18 +159,14 @@ def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
 
 
 def _row(trial: Trial, width: int, kinds: int) -> str:
-    from simulate.feasibility.feasibility import CONTROLS
     from simulate.feasibility.feasibility_table import said
 
     goal = "-" if trial.success_time is None else f"{trial.success_time:.1f} s"
-    words = said(trial)
-    if trial.policy in CONTROLS and trial.as_expected:
-        words = "no violation"
     mark = "" if trial.as_expected else "  <- not as it should be"
     return (
         f"{trial.task:<{width}}  {trial.seed:>4}  "
         f"{trial.policy.removeprefix('reference:'):<{kinds}}  "
-        f"{goal:>6}  {words}  [{trial.speed:.0f}x real time]{mark}"
+        f"{goal:>6}  {said(trial)}  [{trial.speed:.0f}x real time]{mark}"
     )
 
 
