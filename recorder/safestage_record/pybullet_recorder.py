@@ -132,6 +132,7 @@ class PyBulletRecorder(PointRecorder):
         jointed = {self._links[i][0] for i in self._driven}
         moves: list[bool] = []
         kinds: list[str] = []
+        said: list[str | None] = []  # by the user, of the link or of one that it hangs on
         sides: dict[int, str] = {}
         for i, (body, link) in enumerate(self._links):
             above = None if link < 0 else place[body, int(joints[i][16])]
@@ -143,10 +144,8 @@ class PyBulletRecorder(PointRecorder):
             if arm:
                 gripper = names_gripper(names[i].replace(names[place[body, -1]], "", 1))
                 kind = "gripper" if gripper or (above and kinds[above] == "gripper") else "robot"
-            given = told.kinds.get(i)
-            if given is None and above is not None and self._told_above(above, told, place, joints):
-                given = kinds[above]
-            kinds.append(given or kind)
+            said.append(told.kinds.get(i) or (said[above] if above is not None else None))
+            kinds.append(said[i] or kind)
             if kinds[i] == "gripper" and hinged:
                 side = named_side(names[i], joints[i][1].decode())
                 if side:
@@ -206,15 +205,6 @@ class PyBulletRecorder(PointRecorder):
         stands = self._place(np.array([self._ask(every)]), range(len(self._links)))
         self._stands = stands.position[0, self._still], stands.orientation[0, self._still]
         self._fingers = [j for j, i in enumerate(self._driven) if i in sides]
-
-    def _told_above(self, i: int, told: ToldFacts, place: Any, joints: Any) -> bool:
-        """Whether the user gave a kind of this link, or of one that it hangs on."""
-        while i not in told.kinds:
-            body, link = self._links[i]
-            if link < 0:
-                return False
-            i = place[body, int(joints[i][16])]
-        return True
 
     def _geoms(
         self, body: int, link: int, centre: Any, turned: Any, friction: float

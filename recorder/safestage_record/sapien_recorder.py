@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 from struct import Struct
-from typing import Any, Callable, Container, Sequence
+from typing import Any, Callable, Container
 
 import numpy as np
 
@@ -104,6 +104,9 @@ class SapienRecorder(PointRecorder):
         kinds = ["fixture"] * count
         above: list[int | None] = [None] * count
         moves = [False] * count
+        said: list[str | None] = [
+            None
+        ] * count  # by the user, of the link or of one that it hangs on
         hinge: list[Any] = [None] * count
         sides: dict[int, str] = {}
         tips: list[int] = []
@@ -123,10 +126,8 @@ class SapienRecorder(PointRecorder):
                 if robot:
                     named = names_gripper(names[i]) or (up is not None and kinds[up] == "gripper")
                     kinds[i] = "gripper" if named and up is not None else "robot"
-                given = told.kinds.get(i)
-                if given is None and up is not None and self._told_above(up, told, above):
-                    given = kinds[up]
-                kinds[i] = given or kinds[i]
+                said[i] = told.kinds.get(i) or (None if up is None else said[up])
+                kinds[i] = said[i] or kinds[i]
                 if kinds[i] == "gripper":
                     side = named_side(names[i].rpartition("_")[2], joint.name) if jointed else None
                     side = side or (named_side(names[i]) if jointed else None)
@@ -197,14 +198,6 @@ class SapienRecorder(PointRecorder):
 
     def _at(self, part: Any) -> int:
         return self._by_entity[part.entity.per_scene_id]
-
-    @staticmethod
-    def _told_above(i: int | None, told: ToldFacts, above: Sequence[int | None]) -> bool:
-        while i is not None:
-            if i in told.kinds:
-                return True
-            i = above[i]
-        return False
 
     def _geom(self, shape: Any) -> dict[str, Any]:
         kind, pose = type(shape).__name__[len("PhysxCollisionShape") :], shape.local_pose

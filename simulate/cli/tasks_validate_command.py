@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -65,11 +64,6 @@ if TYPE_CHECKING:
     type=Output(file=False, folder=True),
     help="Also write the references' episodes to this folder, as `safestage bench record` does.",
 )
-@click.option(
-    "--pictures",
-    type=Output(file=False, folder=True),
-    help="Folder for one sheet of twelve pictures per episode.",
-)
 @jobs_option
 @robot_option
 @explains
@@ -84,7 +78,6 @@ def validate(
     horizon: float | None,
     table: Path | None,
     keep: Path | None,
-    pictures: Path | None,
     jobs: int,
     robot_mjcf: Path | None,
 ) -> None:
@@ -124,7 +117,7 @@ def validate(
         todo = cases(chosen, seeds, policies, rollouts or 5, robot_mjcf, horizon)
     else:
         todo = cases(chosen, seeds, REFERENCES, rollouts or 1, robot_mjcf, horizon, keep)
-    results = _run(todo, jobs, pictures)
+    results = _run(todo, jobs)
     good = sum(trial.as_expected for trial in results)
     say(f"{good} of {len(results)} as they should be")
     if table is not None:
@@ -144,7 +137,7 @@ def _page(results: list[Trial], controls: bool, noisy: float | None) -> str:
     return page(results) if noisy is None else noise_page(results, noisy)
 
 
-def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
+def _run(todo: list[Case], jobs: int) -> list[Trial]:
     from simulate.feasibility.feasibility import trials
 
     width = max(len(case.task.id) for case in todo)
@@ -152,7 +145,7 @@ def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
     say(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
     result = []
     with progress(len(todo), "episode") as show:
-        for trial in trials(todo, jobs=jobs, each=_draws(pictures), done=show):
+        for trial in trials(todo, jobs=jobs, done=show):
             result.append(trial)
             say(_row(trial, width, kinds))
     return result
@@ -203,18 +196,3 @@ def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: P
     say(f"{total - wrong} of {total} grades as they should be")
     if wrong:
         sys.exit(1)
-
-
-def _draws(folder: Path | None) -> Any:
-    if folder is None:
-        return None
-    folder.mkdir(parents=True, exist_ok=True)
-    return partial(_draw, folder)
-
-
-def _draw(folder: Path, episode: Any) -> None:
-    from simulate.render.renderer import EpisodeRenderer, contact_sheet, write_png
-
-    with EpisodeRenderer(episode, 480, 360) as renderer:
-        shots = [renderer.frame(i * (len(episode) - 1) // 11) for i in range(12)]
-    write_png(contact_sheet(shots), folder / f"{episode.header.episode_id}.png")

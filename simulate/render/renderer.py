@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from safestage_eval._process.closing import Closing
 from safestage_eval.episode import Body, Episode, Geom
 from safestage_eval.formats.atomic import write_output
-from simulate.cameras.graphics import drawing_ids, graphics_context, ids_of
+from simulate.cameras.graphics import Canvas, drawing_ids, ids_of
 from simulate.catalogue.objects import REGION_ALPHA, catalogue
 from simulate.looks.room import Look, furnish
 from simulate.world.world import FLOOR_Z, TABLE_CENTRE, TABLE_HALF
@@ -102,8 +102,6 @@ class EpisodeRenderer(Closing):
         """Build the scene; raises InputError where nothing can be drawn off screen."""
         style = style or Style()
         self._episode = episode
-        self._context = graphics_context(width, height)
-        self._context.make_current()
         spec = mujoco.MjSpec()
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
         spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
@@ -158,10 +156,8 @@ class EpisodeRenderer(Closing):
                 )
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
-        self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
-        self._rect = mujoco.MjrRect(0, 0, width, height)
+        self._canvas = Canvas(self._model, width, height)
+        self._scene = self._canvas.scene
 
     def fade(self, opacity: Mapping[str, float]) -> None:
         """See bodies through from now on: name → 0 (unseen) … 1."""
@@ -216,10 +212,7 @@ class EpisodeRenderer(Closing):
             for eye in self._scene.camera:
                 eye.orthographic = 1
                 eye.frustum_top, eye.frustum_bottom = camera.height / 2, -camera.height / 2
-        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
-        mujoco.mjr_render(self._rect, self._scene, self._target)
-        mujoco.mjr_readPixels(out, None, self._rect, self._target)
-        return np.ascontiguousarray(out[::-1])
+        return self._canvas.draw()
 
     def _draw_shortest(self, a: Sequence[str], b: Sequence[str], color: Color) -> None:
         """Add the shortest segment between two groups of bodies to the scene, where there is one within 1 m."""
@@ -288,19 +281,7 @@ class EpisodeRenderer(Closing):
 
     def close(self) -> None:
         """Give the graphics context back."""
-        self._target.free()
-        self._context.free()
-
-
-def contact_sheet(images: Sequence[Image], columns: int = 4) -> Image:
-    """Pictures of one size side by side, row after row; the last row is filled with black."""
-    height, width, _ = images[0].shape
-    rows = -(-len(images) // columns)
-    sheet = np.zeros((rows * height, columns * width, 3), np.uint8)
-    for i, image in enumerate(images):
-        y, x = divmod(i, columns)
-        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = image
-    return sheet
+        self._canvas.close()
 
 
 def write_png(image: Image, path: Path) -> None:
