@@ -153,28 +153,28 @@ def furnish(
     half, middle = table
     _thing(spec, "top", half, middle, surface(color, rng), finish, 0.6)
     leg = (float(middle[2]) - float(half[2]) - floor_z) / 2
-    for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+    for x, y in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
         at = (middle[0] + x * (half[0] - 0.05), middle[1] + y * (half[1] - 0.05), floor_z + leg)
         _thing(spec, "frame", (0.025, 0.025, leg), at, (0.5, 0.51, 0.53), METAL)
     foot = -floor_z / 2
     _thing(spec, "pedestal", (0.11, 0.11, foot), (-0.065, 0, -foot), (0.24, 0.25, 0.27), METAL)
     surface, color, wide = FLOORS[look.floor]
-    at = (MIDDLE, 0, floor_z)  # a plane: as a slab it would shade itself in stripes
+    at = (MIDDLE, 0.0, floor_z)  # a plane: as a slab it would shade itself in stripes
     _thing(spec, "floor", (DEEP, WIDE, 0.1), at, surface(color, rng), DULL, wide, plane=True)
     up, far = floor_z + HIGH / 2, 0.05
-    for side in (1, -1):
+    for side in (1.0, -1.0):
         at = (MIDDLE + side * (DEEP + far), 0, up)
         _thing(spec, "wall", (far, WIDE, HIGH / 2), at, WALLS[look.wall], DULL)
         at = (MIDDLE, side * (WIDE + far), up)
         _thing(spec, "wall", (DEEP, far, HIGH / 2), at, WALLS[look.wall], DULL)
     for i in range(int(rng.integers(2, 5))):
         color = THINGS[int(rng.integers(len(THINGS)))]
-        high, wide, along = rng.uniform(0.4, 0.95), rng.uniform(0.3, 0.6), rng.uniform(-1.5, 1.5)
+        high, broad, along = (rng.uniform(*span) for span in ((0.4, 0.95), (0.3, 0.6), (-1.5, 1.5)))
         x, y = (
             (MIDDLE + DEEP - 0.25, along), (MIDDLE + along, WIDE - 0.25),
             (MIDDLE + along, -WIDE + 0.25), (MIDDLE - DEEP + 0.25, along),
         )[i]  # fmt: skip
-        size = (0.22, wide, high) if i in (0, 3) else (wide, 0.22, high)
+        size = (0.22, broad, high) if i in (0, 3) else (broad, 0.22, high)
         _thing(spec, f"cupboard{i}", size, (x, y, floor_z + high), color, DULL)
 
 

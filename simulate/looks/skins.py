@@ -86,13 +86,12 @@ def paint(
     wide: float = 0.0,
 ) -> None:
     """Give a geom a colour, or a texture of a name: a cube's, or one that repeats every ``wide`` m."""
-    plain = isinstance(picture, tuple)
-    geom.rgba = [*picture, 1] if plain else [1, 1, 1, 1]
+    geom.rgba = [*picture, 1] if isinstance(picture, tuple) else [1, 1, 1, 1]
     geom.material = key
     if spec.material(key) is not None:
         return
     material = spec.add_material(name=key, specular=finish.specular, shininess=finish.shininess)
-    if plain:
+    if isinstance(picture, tuple):
         return
     kind = mujoco.mjtTexture.mjTEXTURE_2D if wide else mujoco.mjtTexture.mjTEXTURE_CUBE
     height, width, _ = picture.shape
