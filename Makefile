@@ -110,11 +110,10 @@ learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies ane
 	$(INSTALL) '.[learn]'
 	$(CAMPAIGN) demos --work $(LEARN)
 	$(CAMPAIGN) export --work $(LEARN)
-	$(CAMPAIGN) pictures --work $(LEARN)
-	$(CAMPAIGN) train bc act diffusion act_pictures --work $(LEARN) --device $(LEARN_ON)
+	$(CAMPAIGN) train bc act diffusion --work $(LEARN) --device $(LEARN_ON)
 
 learned-campaign: $(BIN)/pytest  ## roll the shipped policies out, and write docs/learned_policies.md
-	$(CAMPAIGN) roll act diffusion act_pictures bc --once bc --work $(LEARN)
+	$(CAMPAIGN) roll act diffusion bc --once bc --work $(LEARN)
 	$(CAMPAIGN) rows --work $(LEARN)
 	$(BIN)/python benchmarks/learned_page.py $(LEARN)/rows.parquet docs/learned_policies.md
 

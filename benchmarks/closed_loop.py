@@ -45,7 +45,7 @@ class ByRote:
 
     def greeting(self) -> bytes:
         """Text before the table."""
-        return pack(self._dialect.greeting(), self._dialect.style)
+        return pack(self._dialect.greeting(), self._dialect.arrays)
 
     def answered(self, message: bytes) -> bytes | str:
         """The answer to a message of a client."""
@@ -55,7 +55,7 @@ class ByRote:
         if request.get("endpoint") == "get_modality_config":
             return pack(self._dialect.described())
         seen = self._dialect.asked(request).observation
-        return pack(self._dialect.answer(self.rows(seen), seen), self._dialect.style)
+        return pack(self._dialect.answer(self.rows(seen), seen), self._dialect.arrays)
 
     def rows(self, _seen: Observation) -> np.ndarray:
         """(rows, 8) positions of the joints, rad, and of the gripper."""

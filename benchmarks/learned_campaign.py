@@ -2,7 +2,6 @@
 
 python benchmarks/learned_campaign.py demos                    record demonstrations, both ways of every task
 python benchmarks/learned_campaign.py export                   a LeRobot dataset of them
-python benchmarks/learned_campaign.py pictures                 draw what the cameras saw in some of them
 python benchmarks/learned_campaign.py train bc act diffusion   several at once on one GPU
 python benchmarks/learned_campaign.py roll act diffusion       roll out and judge, nothing kept but the rows
 python benchmarks/learned_campaign.py rows                     the rows as one Parquet file
@@ -38,7 +37,6 @@ from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import result_from_json, to_json
 from simulate.learn.checkpoint import FOLDER
 from simulate.learn.export_dataset import export_dataset
-from simulate.learn.picture_files import draw_scene, scenes_of
 from simulate.policies.policy_names import policy_named
 from simulate.record.jobs import Job, Outcome, plan, record_one, recorded_ids
 from simulate.record.rollout import PROMPTS, roll_out
@@ -160,28 +158,6 @@ def export(given: argparse.Namespace) -> None:
     print("\n".join(done.problems), end="\n" if done.problems else "")
 
 
-def pictures(given: argparse.Namespace) -> None:
-    """Draw demonstrations of the given seeds."""
-    refs = discover([given.work / "demos"])
-    chosen = [
-        ref
-        for ref in refs
-        if ref.problem is None
-        and ref.fields.get("seed") in given.seeds
-        and (ref.fields.get("rollout") or 0) < given.rollouts
-        and ref.fields.get("success")
-    ]
-    work = partial(draw_scene, out=given.work / "pictures", until=given.until)
-    scenes = scenes_of(chosen)
-    said = Counter(
-        each.reason if isinstance(each, Died) else each
-        for each in run_many(work, scenes, given.jobs)
-    )
-    print(f"{said.pop('', 0)} of {len(scenes)} scenes drawn")
-    for what, count in said.most_common(20):
-        print(f"{count}: {what}")
-
-
 def train(given: argparse.Namespace) -> None:
     """Train several at once; ``act_again`` is act from another seed."""
     running = {}
@@ -194,7 +170,6 @@ def train(given: argparse.Namespace) -> None:
             "--seed", str(int(name != kind)),
         ]  # fmt: skip
         command += ["--steps", str(given.steps)] if given.steps else []
-        command += ["--pictures", str(given.work / "pictures")] if "pictures" in name else []
         log = (given.work / f"train-{name}.log").open("w", encoding="utf-8")
         running[name] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
     for name, process in running.items():
@@ -313,7 +288,7 @@ def _numbers(text: str) -> Sequence[int]:
 
 
 STEPS = {
-    "demos": (demos, "0-21", 1), "export": (export, "0", 1), "pictures": (pictures, "0-5", 1),
+    "demos": (demos, "0-21", 1), "export": (export, "0", 1),
     "train": (train, "0", 1), "roll": (roll, "100-102", 4), "rows": (rows, "0", 1),
 }  # fmt: skip
 """Step → what does it, its seeds and rollouts."""

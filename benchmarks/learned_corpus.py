@@ -42,7 +42,6 @@ from safestage_eval.run.settings import load_settings
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.verdict import result_from_json
 from simulate.cameras.droid_cameras import camera_facts
-from simulate.learn.picture_recipe import CAMERAS, SIZE
 from simulate.policies.policy_names import policy_named
 from simulate.policy import Observation
 from simulate.record.jobs import Job, recorded_ids, write_recording
@@ -52,6 +51,8 @@ from simulate.tasks.task import tasks
 
 CORPUS, LOOKED_AT, BLIND = 1100, 210, 126
 """Rollouts of the lists for the corpus of 1,000, the 200 that are looked at, and the 120 that are labelled blindly."""
+CAMERAS, SIZE = ("exterior_left", "wrist"), (96, 128)
+"""What ``act_pictures`` saw, whose rows are kept: cameras, and height and width in pixels."""
 LICENCE = "cc-by-4.0"
 ROWS = "rows.parquet"
 COMPARED = (

@@ -40,17 +40,30 @@ def wrap(
     Raises:
         RecordError: no simulation in the environment, or ``hold`` without an action.
     """
+    find_backend(env)
+    attach(env, folder, success, hold, hold_action, **settings)
+    return env
+
+
+def attach(
+    env: Any,
+    folder: str | Path,
+    success: Callable[[Any, Any], bool | None] | None = None,
+    hold: float = 0.0,
+    hold_action: Any = None,
+    **settings: Any,
+) -> EnvRecording:
+    """Like ``wrap``, also for an environment that makes its simulation at its first reset."""
     if hold and hold_action is None:
         raise RecordError(
             "hold needs hold_action: the command that keeps this robot still (zeros for a "
             "controller of differences, the last action for one of positions)."
         )
-    find_backend(env)
     recording = EnvRecording(env, Path(folder), success, hold, hold_action, settings)
     env.step, env.reset, env.safestage = recording.step, recording.reset, recording
     if hasattr(env, "close"):
         env.close = recording.close
-    return env
+    return recording
 
 
 class EnvRecording:

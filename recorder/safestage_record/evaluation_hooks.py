@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .env_wrap import EnvRecording
+from .env_wrap import attach
 from .record_error import RecordError
 
 
@@ -35,7 +35,7 @@ def lerobot(envs: Any, folder: str | Path, **settings: Any) -> Any:
             "SyncVectorEnv; pass --eval.use_async_envs=false."
         )
     for i, env in enumerate(inside):
-        recording = _attach(env, place / str(i), dict(settings))
+        recording = attach(env, place / str(i), **settings)
         recording.only_called = True
     return envs
 
@@ -52,7 +52,7 @@ def vla_eval(benchmark: Any, folder: str | Path, **settings: Any) -> Any:
     """
     given = dict(settings)
     given.setdefault("success", lambda one, result: one.get_step_result(result).get("success"))
-    recording = _attach(benchmark, Path(folder), given)
+    recording = attach(benchmark, folder, **given)
     cleanup = benchmark.cleanup
 
     def finish_and_clean() -> None:
@@ -61,16 +61,3 @@ def vla_eval(benchmark: Any, folder: str | Path, **settings: Any) -> Any:
 
     benchmark.cleanup = finish_and_clean
     return benchmark
-
-
-def _attach(env: Any, folder: Path, settings: dict[str, Any]) -> EnvRecording:
-    """Like ``wrap``, for an environment that makes its simulation at its first reset."""
-    success, hold = settings.pop("success", None), settings.pop("hold", 0.0)
-    still = settings.pop("hold_action", None)
-    if hold and still is None:
-        raise RecordError("hold needs hold_action: the command that keeps this robot still.")
-    recording = EnvRecording(env, folder, success, hold, still, settings)
-    env.step, env.reset, env.safestage = recording.step, recording.reset, recording
-    if hasattr(env, "close"):
-        env.close = recording.close
-    return recording

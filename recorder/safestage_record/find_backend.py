@@ -56,19 +56,6 @@ def find_backend(env: Any) -> tuple[str, Any]:
     )
 
 
-def find_simulation(env: Any) -> tuple[Any, Any]:
-    """Return the ``MjModel`` and ``MjData`` that an environment holds, itself or further inside.
-
-    Raises:
-        RecordError: it holds none.
-    """
-    for here in _inside(env):
-        found = _mujoco(here)
-        if found is not None:
-            return found
-    raise RecordError(f"no MuJoCo model and data in {type(env).__name__}.")
-
-
 def _inside(env: Any) -> list[Any]:
     """The environment and what it holds, from the outside in."""
     todo: list[Any] = [env]

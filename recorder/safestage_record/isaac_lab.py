@@ -14,8 +14,8 @@ import numpy as np
 from .point_log import PointLog
 from .record_error import RecordError
 from .rollout_recorder import RolloutRecorder
-from .scene_parts import MeshStore, describe_body, describe_geom
-from .told_facts import Names, ToldFacts, named_side, names_gripper, tell_apart
+from .scene_parts import describe_body, describe_geom
+from .told_facts import ToldFacts, named_side, names_gripper
 
 
 class IsaacLabRecorder(RolloutRecorder):
@@ -27,7 +27,6 @@ class IsaacLabRecorder(RolloutRecorder):
     """
 
     simulator = "Isaac Lab"
-    _meshes: MeshStore
 
     def __init__(
         self,
@@ -39,12 +38,7 @@ class IsaacLabRecorder(RolloutRecorder):
         touches: Mapping[str, Sequence[str]] | None = None,
         fixed: Mapping[str, Sequence[float]] | None = None,
         quaternions: str = "wxyz",
-        roles: Mapping[str, Names] | None = None,
-        kinds: Mapping[str, str] | None = None,
-        fingers: Mapping[str, str] | None = None,
-        up: str | Mapping[str, Sequence[float]] | None = None,
-        tags: Mapping[str, Sequence[str]] | None = None,
-        **header: Any,
+        **settings: Any,
     ) -> None:
         """Begin to record.
 
@@ -58,12 +52,7 @@ class IsaacLabRecorder(RolloutRecorder):
             fixed: name of a table or another body that never moves, and that Isaac Lab has no buffers
                 of → its pose (7,), m and wxyz in the environment's frame; its shapes go by ``shapes``.
             quaternions: ``wxyz``, or ``xyzw`` of Isaac Lab 3.0 and later.
-            roles: role of the safety rules → name or names of bodies.
-            kinds: body name → kind, where guessed wrong.
-            fingers: body name → left or right, where guessed wrong.
-            up: body name → axis, or ``"guess"``.
-            tags: body name → words that rules ask for.
-            header: further fields of the trace's header.
+            settings: see ``RolloutRecorder``; one frame per ``step``, always.
 
         Raises:
             RecordError: a name or an order of quaternions that does not exist.
@@ -80,14 +69,11 @@ class IsaacLabRecorder(RolloutRecorder):
             names += [f"{name}/{body}" for body in robot.body_names]
         self._moving = len(names)
         self._stands = np.array(list((fixed or {}).values()), float).reshape(-1, 7)
-        self.body_names = tell_apart([*names, *(fixed or {})])
-        told = ToldFacts(self.body_names, roles, kinds, fingers, up, tags)
-        super().__init__(path, told, None, **header)
+        super().__init__(path, [*names, *(fixed or {})], None, settings)
         self._physics_dt, self._control = float(env.physics_dt), float(env.step_dt)
         self._version_of_simulator = str(getattr(env, "isaaclab_version", ""))
-        self._meshes = MeshStore()
         self._sensors = self._find_sensors(touches or {})
-        self._describe(told, shapes or {})
+        self._describe(self._told, shapes or {})
         self._take_frame()
 
     @property

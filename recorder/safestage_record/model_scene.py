@@ -9,7 +9,6 @@ import numpy as np
 from .body_facts import BodyFacts
 from .scene_parts import MeshStore, describe_body, describe_geom, multiply, turn
 from .scene_parts import floats as _floats
-from .told_facts import tell_apart
 
 _SIZES = {"sphere": 1, "box": 3, "cylinder": 2, "capsule": 2, "ellipsoid": 3, "plane": 0}
 
@@ -240,8 +239,3 @@ def _rigid_parts(weld: Any, kinds: Sequence[str]) -> dict[int, list[int]]:
         if root not in (0, i) and kinds[i] == kinds[root] == "object":
             parts.setdefault(root, []).append(i)
     return parts
-
-
-def body_names(model: Any) -> list[str]:
-    """Names of all bodies, the world's first; unnamed ones by number, and none of them twice."""
-    return tell_apart([model.body(i).name for i in range(model.nbody)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from time import monotonic
-from typing import Any, Callable, Mapping, Sequence
+from typing import Any, Callable
 
 import numpy as np
 
@@ -12,10 +12,9 @@ from . import step_hook
 from .body_facts import BodyFacts, Opening
 from .contact_log import ContactLog
 from .frame_views import FrameViews
-from .model_scene import ModelScene, body_names
+from .model_scene import ModelScene
 from .rollout_recorder import FRAME_DT, MOST_WAITING, RolloutRecorder
 from .step_memory import StepMemory
-from .told_facts import Names, ToldFacts
 
 _join = b"".join
 
@@ -35,14 +34,9 @@ class MujocoRecorder(RolloutRecorder):
         data: Any,
         path: str | Path,
         *,
-        roles: Mapping[str, Names] | None = None,
-        kinds: Mapping[str, str] | None = None,
-        fingers: Mapping[str, str] | None = None,
-        up: str | Mapping[str, Sequence[float]] | None = None,
-        tags: Mapping[str, Sequence[str]] | None = None,
         frame_dt: float | None = FRAME_DT,
         substeps: bool = True,
-        **header: Any,
+        **settings: Any,
     ) -> None:
         """Begin to record; nothing in model or data is changed.
 
@@ -50,29 +44,18 @@ class MujocoRecorder(RolloutRecorder):
             model: ``mujoco.MjModel``, compiled.
             data: ``mujoco.MjData`` of the simulation that is stepped.
             path: a file ending in ``.zip``.
-            roles: role of the safety rules → name or names of bodies.
-            kinds: body name → robot, gripper, object, fixture or region, where guessed wrong; it
-                holds for what hangs on the body, too.
-            fingers: body name → left or right, where guessed wrong.
-            up: body name → unit vector (3,) of the body frame that points up when it stands as
-                intended; ``"guess"``: of each object the axis that does at the first frame.
-            tags: body name → words that rules ask for (fragile, liquid, sharp, …).
-            frame_dt: s between frames, to the next physics step; None: one frame per ``step``, as
-                always where physics steps are not seen.
-            substeps: look at every physics step, so that forces between two frames are known.
-            header: further fields of the trace's header: episode_id, task, stage, instruction,
-                policy, seed, rollout, goal, rules, parameters, horizon, ….
+            frame_dt: s; this and the next two as ``RolloutRecorder`` says.
+            substeps: look at every physics step.
+            settings: roles, kinds, fingers, up, tags, fields of the header.
 
         Raises:
             RecordError: another ending, or a name that is no body of the model.
         """
         import mujoco
 
-        names = body_names(model)
-        told = ToldFacts(names, roles, kinds, fingers, up, tags)
-        super().__init__(path, told, frame_dt, **header)
+        super().__init__(path, [model.body(i).name for i in range(model.nbody)], frame_dt, settings)
         self._mj, self._model, self._data = mujoco, model, data
-        self.body_names = names
+        names, told = self.body_names, self._told
         facts = BodyFacts(model, names, told, mujoco)
         self._sides_guessed = facts.guessed
         self._scratch = mujoco.MjData(model)

@@ -10,7 +10,6 @@ import numpy as np
 from .point_log import PointLog, Row
 from .record_error import RecordError
 from .rollout_recorder import RolloutRecorder
-from .told_facts import ToldFacts
 
 
 class PointRecorder(RolloutRecorder):
@@ -24,9 +23,11 @@ class PointRecorder(RolloutRecorder):
     _looks = True
     """Whether physics steps between frames are looked at; they are counted in any case."""
 
-    def __init__(self, path: Any, told: ToldFacts, frame_dt: float | None, **header: Any) -> None:
+    def __init__(
+        self, path: Any, names: Sequence[str], frame_dt: float | None, settings: dict[str, Any]
+    ) -> None:
         """See ``RolloutRecorder``."""
-        super().__init__(path, told, frame_dt, **header)
+        super().__init__(path, names, frame_dt, settings)
         self._elapsed, self._next = 0.0, -np.inf
         self._seen = 0
         self._point_log = PointLog(self._pack_point, self._read_points)

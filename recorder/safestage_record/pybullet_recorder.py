@@ -15,8 +15,8 @@ from .point_log import Row
 from .point_recorder import PointRecorder
 from .record_error import RecordError
 from .rollout_recorder import FRAME_DT
-from .scene_parts import MeshStore, cross, describe_body, describe_geom, multiply, turn
-from .told_facts import Names, ToldFacts, named_side, names_gripper, tell_apart
+from .scene_parts import cross, describe_body, describe_geom, multiply, turn
+from .told_facts import ToldFacts, named_side, names_gripper
 
 _XYZW = [3, 0, 1, 2]
 _STILL = (0.0,) * 6
@@ -34,38 +34,27 @@ class PyBulletRecorder(PointRecorder):
     """
 
     simulator = "PyBullet"
-    _meshes: MeshStore
 
     def __init__(
         self,
         client: Any,
         path: str | Path,
         *,
-        roles: Mapping[str, Names] | None = None,
-        kinds: Mapping[str, str] | None = None,
-        fingers: Mapping[str, str] | None = None,
-        up: str | Mapping[str, Sequence[float]] | None = None,
-        tags: Mapping[str, Sequence[str]] | None = None,
         names: Mapping[int, str] | None = None,
         frame_dt: float | None = FRAME_DT,
         substeps: bool = True,
-        **header: Any,
+        **settings: Any,
     ) -> None:
         """Begin to record; nothing in the simulation is changed.
 
         Args:
             client: number of the physics client, or a ``BulletClient``.
             path: a file ending in ``.zip``.
-            roles: role of the safety rules → name or names of bodies.
-            kinds: body name → kind, where guessed wrong.
-            fingers: body name → left or right, where guessed wrong.
-            up: body name → axis, or "guess".
-            tags: body name → words. All of these as of ``MujocoRecorder``. Links are named
-                ``BODY/LINK`` in the simulator's names and ``BODY_LINK`` in the trace.
+            frame_dt: s; this and the next two as ``RolloutRecorder`` says.
+            substeps: look at every physics step.
+            settings: roles, kinds, fingers, up, tags, fields of the header. Links are named ``BODY/LINK`` in the simulator's names and
+                ``BODY_LINK`` in the trace.
             names: unique id of a body → its name, where the file's name does not tell it.
-            frame_dt: s between frames, to the next physics step; None: one frame per ``step``.
-            substeps: look at every physics step, so that forces between two frames are known.
-            header: further fields of the trace's header.
 
         Raises:
             RecordError: another ending, no such client, or a name that is no body's.
@@ -80,16 +69,13 @@ class PyBulletRecorder(PointRecorder):
             raise RecordError(f"PyBullet has no client {client!r}. Connect first.")
         about = pybullet.getPhysicsEngineParameters(physicsClientId=self._client)
         self._links = self._list_links()
-        self.body_names = tell_apart(self._name_links(names or {}))
-        told = ToldFacts(self.body_names, roles, kinds, fingers, up, tags)
-        super().__init__(path, told, frame_dt, **header)
+        super().__init__(path, self._name_links(names or {}), frame_dt, settings)
         self._physics_dt = float(about["fixedTimeStep"])
         self._gravity = [float(about[f"gravityAcceleration{axis}"]) for axis in "XYZ"]
         self._version_of_simulator = str(pybullet.getAPIVersion())
-        self._meshes = MeshStore()
         lost: list[str] = []
         self._without_shape = lost
-        self._describe(told, lost)
+        self._describe(self._told, lost)
         self._take_frame()
         self._looks = substeps
         _watch(pybullet, self._client, self)
@@ -146,6 +132,7 @@ class PyBulletRecorder(PointRecorder):
         jointed = {self._links[i][0] for i in self._driven}
         moves: list[bool] = []
         kinds: list[str] = []
+        said: list[str | None] = []  # by the user, of the link or of one that it hangs on
         sides: dict[int, str] = {}
         for i, (body, link) in enumerate(self._links):
             above = None if link < 0 else place[body, int(joints[i][16])]
@@ -157,10 +144,8 @@ class PyBulletRecorder(PointRecorder):
             if arm:
                 gripper = names_gripper(names[i].replace(names[place[body, -1]], "", 1))
                 kind = "gripper" if gripper or (above and kinds[above] == "gripper") else "robot"
-            given = told.kinds.get(i)
-            if given is None and above is not None and self._told_above(above, told, place, joints):
-                given = kinds[above]
-            kinds.append(given or kind)
+            said.append(told.kinds.get(i) or (said[above] if above is not None else None))
+            kinds.append(said[i] or kind)
             if kinds[i] == "gripper" and hinged:
                 side = named_side(names[i], joints[i][1].decode())
                 if side:
@@ -220,15 +205,6 @@ class PyBulletRecorder(PointRecorder):
         stands = self._place(np.array([self._ask(every)]), range(len(self._links)))
         self._stands = stands.position[0, self._still], stands.orientation[0, self._still]
         self._fingers = [j for j, i in enumerate(self._driven) if i in sides]
-
-    def _told_above(self, i: int, told: ToldFacts, place: Any, joints: Any) -> bool:
-        """Whether the user gave a kind of this link, or of one that it hangs on."""
-        while i not in told.kinds:
-            body, link = self._links[i]
-            if link < 0:
-                return False
-            i = place[body, int(joints[i][16])]
-        return True
 
     def _geoms(
         self, body: int, link: int, centre: Any, turned: Any, friction: float

@@ -15,7 +15,7 @@ from .record_error import RecordError
 from .rollout_log import RolloutLog
 from .scene_parts import MeshStore
 from .scene_report import guess_ups, remarks, report
-from .told_facts import ToldFacts
+from .told_facts import SETTINGS, ToldFacts, tell_apart
 
 FRAME_DT = 0.01
 """s between frames. Control steps of 0.05 s are too far apart to tell how something moved or fell."""
@@ -30,6 +30,20 @@ class RolloutRecorder(ABC):
 
     A subclass for a simulator sets ``_bodies``, ``_joints``, ``_meshes`` and calls ``_keep`` for
     each frame; ``_columns`` and ``_contacts`` turn frames into arrays, many at a time.
+
+    Every simulator's recorder takes these settings as keywords, and further fields of the trace's header
+    (episode_id, task, stage, instruction, policy, seed, rollout, goal, rules, parameters, horizon, …):
+
+        roles: role of the safety rules → name or names of bodies.
+        kinds: body name → robot, gripper, object, fixture or region, where guessed wrong; it holds for what
+            hangs on the body, too.
+        fingers: body name → left or right, where guessed wrong.
+        up: body name → unit vector (3,) of the body frame that points up when it stands as intended;
+            ``"guess"``: of each object the axis that does at the first frame.
+        tags: body name → words that rules ask for (fragile, liquid, sharp, …).
+        frame_dt: s between frames, to the next physics step; None: one frame per ``step``, as always where
+            physics steps are not seen.
+        substeps: look at every physics step, so that forces between two frames are known.
 
     Attributes:
         body_names: all bodies, as the trace names them.
@@ -49,16 +63,28 @@ class RolloutRecorder(ABC):
     _without_shape: Sequence[str] = ()
     _unrecorded = 0
 
-    def __init__(self, path: str | Path, told: ToldFacts, frame_dt: float | None, **header: Any):
-        """``told``: what the user says; ``header``: further fields of the trace's header."""
+    def __init__(
+        self,
+        path: str | Path,
+        names: Sequence[str],
+        frame_dt: float | None,
+        settings: dict[str, Any],
+    ) -> None:
+        """``names``: of the bodies in the simulator. Raises RecordError for names that are none of them."""
         self.path = Path(path)
         if self.path.suffix.lower() != ".zip":
             raise RecordError(
                 f"{path}: recordings are ZIP files. Allowed: a name ending in .zip. "
                 "safestage convert makes MCAP and Parquet of them."
             )
-        self._told, self._frame_dt = told, frame_dt
-        self._fields = dict(header)
+        self.body_names = tell_apart(names)
+        said = {name: settings.pop(name) for name in SETTINGS if name in settings}
+        self._told, self._frame_dt, self._fields = (
+            ToldFacts(self.body_names, **said),
+            frame_dt,
+            settings,
+        )
+        self._meshes = MeshStore()
         self._log = RolloutLog(self.path)
         self._waiting: list[Any] = []
         self._acted: list[tuple[float, int, bytes | None]] = []

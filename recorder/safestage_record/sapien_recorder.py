@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 from struct import Struct
-from typing import Any, Callable, Container, Mapping, Sequence
+from typing import Any, Callable, Container
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from .point_log import Row
 from .point_recorder import PointRecorder
 from .record_error import RecordError
 from .rollout_recorder import FRAME_DT
-from .scene_parts import MeshStore, describe_body, describe_geom, floats, multiply
-from .told_facts import Names, ToldFacts, named_side, names_gripper, tell_apart
+from .scene_parts import describe_body, describe_geom, floats, multiply
+from .told_facts import ToldFacts, named_side, names_gripper
 from .zip_trace import CONTACT_POINT
 
 _SCENE = re.compile(r"^scene-\d+[-_]")
@@ -38,36 +38,25 @@ class SapienRecorder(PointRecorder):
 
     simulator = "SAPIEN"
     force_source = "normal"
-    _meshes: MeshStore
 
     def __init__(
         self,
         scene: Any,
         path: str | Path,
         *,
-        roles: Mapping[str, Names] | None = None,
-        kinds: Mapping[str, str] | None = None,
-        fingers: Mapping[str, str] | None = None,
-        up: str | Mapping[str, Sequence[float]] | None = None,
-        tags: Mapping[str, Sequence[str]] | None = None,
         frame_dt: float | None = FRAME_DT,
         substeps: bool = True,
-        **header: Any,
+        **settings: Any,
     ) -> None:
         """Begin to record; nothing in the scene is changed.
 
         Args:
             scene: a ``sapien.Scene`` with a ``PhysxCpuSystem``.
             path: a file ending in ``.zip``.
-            roles: role of the safety rules → name or names of bodies.
-            kinds: body name → kind, where guessed wrong.
-            fingers: body name → left or right, where guessed wrong.
-            up: body name → axis, or "guess".
-            tags: body name → words. All of these as of ``MujocoRecorder``. ManiSkill's ``scene-0_`` is
-                left out of names.
-            frame_dt: s between frames, to the next physics step; None: one frame per ``step``.
-            substeps: look at every physics step, so that forces between two frames are known.
-            header: further fields of the trace's header.
+            frame_dt: s; this and the next two as ``RolloutRecorder`` says.
+            substeps: look at every physics step.
+            settings: roles, kinds, fingers, up, tags, fields of the header. ManiSkill's ``scene-0_`` is left out of
+                names.
 
         Raises:
             RecordError: another ending, physics on a GPU, or a name that is no body's.
@@ -82,15 +71,12 @@ class SapienRecorder(PointRecorder):
             )
         self._list_parts()
         names = [_SCENE.sub("", str(part.entity.name)) for part in self._parts]
-        self.body_names = tell_apart(names)
-        told = ToldFacts(self.body_names, roles, kinds, fingers, up, tags)
-        super().__init__(path, told, frame_dt, **header)
+        super().__init__(path, names, frame_dt, settings)
         # stored as float32: 0.01 s is 0.00999999978
         self._physics_dt = float(np.format_float_positional(np.float32(self.physx.timestep)))
         self._gravity = floats(self.physx.config.gravity)
         self._version_of_simulator = sapien.__version__
-        self._meshes = MeshStore()
-        self._describe(told)
+        self._describe(self._told)
         self._take_frame()
         self._looks = substeps
         _watch(type(self.physx), self)
@@ -118,6 +104,9 @@ class SapienRecorder(PointRecorder):
         kinds = ["fixture"] * count
         above: list[int | None] = [None] * count
         moves = [False] * count
+        said: list[str | None] = [
+            None
+        ] * count  # by the user, of the link or of one that it hangs on
         hinge: list[Any] = [None] * count
         sides: dict[int, str] = {}
         tips: list[int] = []
@@ -137,10 +126,8 @@ class SapienRecorder(PointRecorder):
                 if robot:
                     named = names_gripper(names[i]) or (up is not None and kinds[up] == "gripper")
                     kinds[i] = "gripper" if named and up is not None else "robot"
-                given = told.kinds.get(i)
-                if given is None and up is not None and self._told_above(up, told, above):
-                    given = kinds[up]
-                kinds[i] = given or kinds[i]
+                said[i] = told.kinds.get(i) or (None if up is None else said[up])
+                kinds[i] = said[i] or kinds[i]
                 if kinds[i] == "gripper":
                     side = named_side(names[i].rpartition("_")[2], joint.name) if jointed else None
                     side = side or (named_side(names[i]) if jointed else None)
@@ -211,14 +198,6 @@ class SapienRecorder(PointRecorder):
 
     def _at(self, part: Any) -> int:
         return self._by_entity[part.entity.per_scene_id]
-
-    @staticmethod
-    def _told_above(i: int | None, told: ToldFacts, above: Sequence[int | None]) -> bool:
-        while i is not None:
-            if i in told.kinds:
-                return True
-            i = above[i]
-        return False
 
     def _geom(self, shape: Any) -> dict[str, Any]:
         kind, pose = type(shape).__name__[len("PhysxCollisionShape") :], shape.local_pose

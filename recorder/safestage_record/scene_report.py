@@ -97,51 +97,29 @@ def remarks(
     unrecorded: int,
 ) -> list[dict[str, str]]:
     """Remarks for the header: what is missing or guessed, what it costs, what mends it."""
-    found = [
-        {
-            "kind": "guessed",
-            "what": "kinds of bodies",
-            "how": "from joints, actuators and names",
-            "remedy": 'kinds={"NAME": "object"}',
-        }
-    ]
+    guesses = [("kinds of bodies", "from joints, actuators and names", 'kinds={"NAME": "object"}')]
     if sides_guessed:
-        found.append(
-            {
-                "kind": "guessed",
-                "what": "left and right finger",
-                "how": "from the order in the model",
-                "remedy": 'fingers={"NAME": "left", …}',
-            }
-        )
+        by = 'fingers={"NAME": "left", …}'
+        guesses.append(("left and right finger", "from the order in the model", by))
     if guessed_ups:
-        found.append(
-            {
-                "kind": "guessed",
-                "what": f"up axes of {guessed_ups} objects",
-                "how": "the axis that points up at the first frame",
-                "remedy": 'up={"NAME": (0, 0, 1)}',
-            }
-        )
+        how, by = "the axis that points up at the first frame", 'up={"NAME": (0, 0, 1)}'
+        guesses.append((f"up axes of {guessed_ups} objects", how, by))
+    found = [
+        {"kind": "guessed", "what": what, "how": how, "remedy": by} for what, how, by in guesses
+    ]
+    missing = []
     if not sees_steps:
-        found.append(
-            {
-                "kind": "missing",
-                "what": "contacts and forces between frames",
-                "cost": "peak forces are those at frames, and may be too low",
-                "remedy": "call substep() after each physics step",
-            }
+        cost, by = (
+            "peak forces are those at frames, and may be too low",
+            "call substep() after each physics step",
         )
+        missing.append(("contacts and forces between frames", cost, by))
     if unrecorded:
-        found.append(
-            {
-                "kind": "missing",
-                "what": f"{unrecorded} contacts of soft bodies or shapes without a record",
-                "cost": "what they bear or push is not known",
-                "remedy": "",
-            }
-        )
-    return found
+        what = f"{unrecorded} contacts of soft bodies or shapes without a record"
+        missing.append((what, "what they bear or push is not known", ""))
+    return found + [
+        {"kind": "missing", "what": what, "cost": cost, "remedy": by} for what, cost, by in missing
+    ]
 
 
 def _axis(axis: Any) -> str:

@@ -13,6 +13,7 @@ from .record_error import RecordError
 KINDS = ("robot", "gripper", "object", "fixture", "region")
 SIDES = ("left", "right")
 
+SETTINGS = ("roles", "kinds", "fingers", "up", "tags")
 Names = Union[str, Sequence[str]]
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|hand(?!le)|claw|knuckle|robotiq", re.IGNORECASE)

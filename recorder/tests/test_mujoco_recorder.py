@@ -7,7 +7,7 @@ from zip_arrays import read
 mujoco = pytest.importorskip("mujoco")
 
 import safestage_record  # noqa: E402
-from safestage_record.model_scene import body_names  # noqa: E402
+from safestage_record.told_facts import tell_apart  # noqa: E402
 
 SCENE = """
 <mujoco><option timestep="0.002" {option}/><worldbody>
@@ -32,6 +32,10 @@ SCENE = """
     <position joint="rf" kp="100"/></actuator>
 </mujoco>
 """
+
+
+def body_names(model):
+    return tell_apart([model.body(i).name for i in range(model.nbody)])
 
 
 def scene(option=""):

@@ -6,8 +6,7 @@ from zip_arrays import read
 
 from safestage_record.point_log import pack_point, read_points
 from safestage_record.point_recorder import PointRecorder
-from safestage_record.scene_parts import MeshStore, describe_body, describe_geom
-from safestage_record.told_facts import ToldFacts
+from safestage_record.scene_parts import describe_body, describe_geom
 
 
 class Falling(PointRecorder):
@@ -15,8 +14,8 @@ class Falling(PointRecorder):
 
     def __init__(self, path, looks):
         names = ["floor", "ball"]
-        super().__init__(path, ToldFacts(names, None, None, None, None, None), None)
-        self._physics_dt, self._meshes, self._joints = 0.002, MeshStore(), []
+        super().__init__(path, names, None, {})
+        self._physics_dt, self._joints = 0.002, []
         self._stands = np.zeros((1, 3)), np.eye(4)[:1]
         self._bodies = [
             describe_body(name, kind, kind == "object", [describe_geom("sphere", [0.1])], mass=1.0)

@@ -1,15 +1,15 @@
-"""The model that cameras draw: the world's bodies with skins, in a room. It is never stepped."""
+"""The model that cameras draw: the world's bodies in paint, in a room. It is never stepped."""
 
 from __future__ import annotations
 
 import mujoco
 
-from simulate.looks.room import Look, dress, furnish
-from simulate.looks.skins import catalogue_name, skin
+from simulate.looks.room import Look, furnish
+from simulate.looks.skins import catalogue_name, paint_shapes
 from simulate.world.world import FLOOR_Z, TABLE_CENTRE, TABLE_HALF, World, scene_spec
 
 HIDDEN_GROUP = 4
-"""MuJoCo's visual group of collision shapes that a skin stands for; it is not drawn."""
+"""MuJoCo's visual group of what the room has in its place; it is not drawn."""
 
 
 def drawn_model(world: World) -> mujoco.MjModel:
@@ -25,9 +25,10 @@ def drawn_model(world: World) -> mujoco.MjModel:
     for name in ("table", "floor"):
         _hide(spec.body(name))
     for name, model in world.objects.items():
-        body = spec.body(name)
-        _hide(body)
-        dress(spec, body, name, skin(catalogue_name(model), model))
+        if model.region:
+            _hide(spec.body(name))
+        else:
+            paint_shapes(spec, spec.body(name).geoms, name, catalogue_name(model), model)
     furnish(spec, look, (TABLE_HALF, TABLE_CENTRE), FLOOR_Z)
     return spec.compile()
 

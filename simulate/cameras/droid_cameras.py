@@ -15,7 +15,7 @@ from simulate.world.describe import body_name
 from simulate.world.world import World
 
 from .drawn_model import drawn_model
-from .graphics import drawing_ids, graphics_context, ids_of
+from .graphics import Canvas
 
 F64 = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -43,13 +43,8 @@ class Cameras:
         self._ids = {name: _camera(world, name) for name in names}
         self._world, self._model = world, drawn_model(world)
         self._now = mujoco.MjData(self._model)
-        self._context = graphics_context(width, height)
-        self._context.make_current()
         self._model.vis.quality.shadowsize = SHADOW
-        self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
-        self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
-        self._rect = mujoco.MjrRect(0, 0, width, height)
+        self._canvas = Canvas(self._model, width, height)
 
     def images(self) -> dict[str, Image]:
         """The current picture of each camera."""
@@ -59,7 +54,7 @@ class Cameras:
     def _pose(self) -> None:
         """Put the world's present state into what is drawn."""
         model, now, world = self._model, self._now, self._world
-        self._context.make_current()
+        self._canvas.make_current()
         for name, body in world.body_id.items():  # fixed ones are put in place by their world
             there = model.body(name).id
             model.body_pos[there] = world.model.body_pos[body]
@@ -75,34 +70,14 @@ class Cameras:
         view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
         option = mujoco.MjvOption()
         every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, self._now, option, None, view, every, self._scene)
-        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
-        mujoco.mjr_render(self._rect, self._scene, self._target)
-        mujoco.mjr_readPixels(out, None, self._rect, self._target)
-        return np.ascontiguousarray(out[::-1])
-
-    def shown(self, name: str) -> dict[str, int]:
-        """Object → pixels that it has in a camera's picture now; none for what is hidden."""
-        with drawing_ids(self._scene):
-            self._pose()
-            image = self._image(self._ids[name])
-        ids, counts = np.unique(ids_of(image), return_counts=True)
-        owners = {self._model.body(n).id: n for n in self._world.objects}
-        out: dict[str, int] = {}
-        for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
-            if not 0 <= number < self._scene.ngeom:  # others are blends of two at an outline
-                continue
-            geom = self._scene.geoms[number]
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                owner = owners.get(int(self._model.geom_bodyid[geom.objid]))
-                if owner is not None:
-                    out[owner] = out.get(owner, 0) + count
-        return out
+        mujoco.mjv_updateScene(
+            self._model, self._now, option, None, view, every, self._canvas.scene
+        )
+        return self._canvas.draw()
 
     def close(self) -> None:
         """Give the graphics context back."""
-        self._target.free()
-        self._context.free()
+        self._canvas.close()
 
 
 def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> tuple[Camera, ...]:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval._process.closing import Closing
 from safestage_eval.errors import InputError
 
 
@@ -33,6 +34,39 @@ def graphics_context(width: int, height: int) -> Any:
             "MUJOCO_GL=egl or MUJOCO_GL=osmesa",
             "apt-get install libegl1 libgl1-mesa-dri libosmesa6",
         ) from error
+
+
+class Canvas(Closing):
+    """Draws one model off screen: set ``scene`` up, then ``draw`` it. One at a time per process.
+
+    Attributes:
+        scene: what is drawn.
+    """
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        """Raises InputError where nothing can be drawn off screen."""
+        self._context = graphics_context(width, height)
+        self._context.make_current()
+        self.scene = mujoco.MjvScene(model, maxgeom=4000)
+        self._target = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+
+    def make_current(self) -> None:
+        """Draw here from now on, in this thread."""
+        self._context.make_current()
+
+    def draw(self) -> NDArray[np.uint8]:
+        """(H, W, 3) the picture of the scene."""
+        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_render(self._rect, self.scene, self._target)
+        mujoco.mjr_readPixels(out, None, self._rect, self._target)
+        return np.ascontiguousarray(out[::-1])
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._target.free()
+        self._context.free()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import click
 from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.terminal import say
 
-from .simulate_options import BadInput, explains, jobs_option, numbers, progress
+from .simulate_options import BadInput, explains, jobs_option, progress
 
 
 @click.group()
@@ -33,7 +33,7 @@ def export(traces: tuple[str, ...], out: Path, failures: bool, jobs: int) -> Non
 
     TRACES are files or folders that `safestage bench record` wrote. Episodes end at their success. Each is
     judged by its task's own rules, so that safe and unsafe ways can be distinguished:
-    `safestage.violation` in meta/episodes. There are no pictures (`learn pictures` draws some);
+    `safestage.violation` in meta/episodes. There are no pictures;
     `observation.environment_state` has a slot for each object's pose.
 
     \b
@@ -61,47 +61,7 @@ def export(traces: tuple[str, ...], out: Path, failures: bool, jobs: int) -> Non
 
 
 @learn.command()
-@click.argument("traces", nargs=-1, required=True)
-@click.option(
-    "--out", "-o", required=True, type=Output(file=False, folder=True),
-    help="Folder for the pictures; what is there is not drawn again.",
-)  # fmt: skip
-@click.option(
-    "--seeds", callback=lambda _context, _option, text: numbers(text) if text else None,
-    help="Draw only these environment seeds, such as 0-3. Default: all.",
-)  # fmt: skip
-@jobs_option
-@explains
-def pictures(traces: tuple[str, ...], out: Path, seeds: tuple[int, ...] | None, jobs: int) -> None:
-    """Draw what two cameras saw in recorded rollouts, from their states, five times a second.
-
-    TRACES are files or folders that `safestage bench record` wrote. Every third control step up to success is
-    drawn, 96 x 128 pixels, without repeating the physics.
-
-    \b
-    Examples:
-      safestage bench learn pictures demos --seeds 0-3 --out pictures
-      safestage bench learn train act_pictures --data dataset --pictures pictures --out act_pictures.onnx
-    """
-    from functools import partial
-
-    from safestage_eval.formats import discover
-    from simulate.learn.picture_files import draw_scene, scenes_of
-    from simulate.record.worker_pool import Died, run_many
-
-    refs = [r for r in discover(list(traces)) if seeds is None or r.fields.get("seed") in seeds]
-    scenes = scenes_of([ref for ref in refs if ref.problem is None])
-    with progress(len(scenes), "scene") as show:
-        found = run_many(partial(draw_scene, out=out), scenes, jobs, show)
-        said = [each.reason if isinstance(each, Died) else each for each in found]
-    for problem in filter(None, said):
-        say(f"problem: {problem}", err=True)
-    if any(said):
-        raise BadInput(f"{sum(map(bool, said))} of {len(scenes)} scenes could not be drawn")
-
-
-@learn.command()
-@click.argument("kind", type=click.Choice(["bc", "act", "diffusion", "act_pictures"]))
+@click.argument("kind", type=click.Choice(["bc", "act", "diffusion"]))
 @click.option(
     "--data", "folders", required=True, multiple=True,
     type=click.Path(path_type=Path, file_okay=False), help="Dataset of `learn export`. Repeatable.",
@@ -109,10 +69,6 @@ def pictures(traces: tuple[str, ...], out: Path, seeds: tuple[int, ...] | None, 
 @click.option(
     "--out", "-o", required=True, type=Output("onnx", stream=False, beside=lambda out, _: [out.with_suffix(".csv")]),
     help="ONNX file to write; its curve is written beside it as .csv.",
-)  # fmt: skip
-@click.option(
-    "--pictures", "pictures_folder", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of `learn pictures`, for act_pictures.",
 )  # fmt: skip
 @click.option("--seed", default=0, show_default=True, help="Seed of weights, batches and noise.")
 @click.option("--steps", type=click.IntRange(1), help="Steps of training. Default: the recipe's.")
@@ -126,7 +82,6 @@ def train(
     kind: str,
     folders: tuple[Path, ...],
     out: Path,
-    pictures_folder: Path | None,
     seed: int,
     steps: int | None,
     threads: int,
@@ -134,9 +89,8 @@ def train(
 ) -> None:
     """Train a policy from demonstrations, and write it as a checkpoint that `record` can roll out.
 
-    KIND is bc (behaviour cloning, one step at a time), act (chunks of actions with a latent),
-    diffusion, or act_pictures (act from two cameras, without poses of objects). Needs PyTorch: pip install 'safestage[learn]'. The same seed, data and number of
-    threads give the same checkpoint on the same machine and device.
+    KIND is bc (behaviour cloning, one step at a time), act (chunks of actions with a latent) or
+    diffusion. Needs PyTorch: pip install 'safestage[learn]'. The same seed, data and number of threads give the same checkpoint on the same machine and device.
 
     \b
     Examples:
@@ -152,15 +106,12 @@ def train(
     ]
     if missing:
         raise BadInput(f"{', '.join(missing)} not installed: pip install 'safestage[learn]'")
-    if (kind == "act_pictures") != (pictures_folder is not None):
-        raise click.UsageError("--pictures belongs to act_pictures, and act_pictures needs it")
     if out.suffix != ".onnx":
         raise click.UsageError(f"--out {out}: name an .onnx file")
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # else cuBLAS is not deterministic
     import torch
 
-    from simulate.learn.picture_files import read_pictures
-    from simulate.learn.training import BATCH, STEPS, Recipe, export_onnx
+    from simulate.learn.training import STEPS, Recipe, export_onnx
     from simulate.learn.training import train as fit
     from simulate.learn.training_data import read_dataset
 
@@ -174,15 +125,11 @@ def train(
             f"Allowed: {', '.join(allowed)}"
         )
     data = read_dataset(list(folders))
-    drawn = None if pictures_folder is None else read_pictures(pictures_folder)
-    recipe = Recipe(kind, steps or STEPS[kind], seed, BATCH.get(kind, 1024))
+    recipe = Recipe(kind, steps or STEPS[kind], seed)
     said = f"{len(data.usable):,} control steps of {len(set(data.first.tolist())):,} episodes"
-    if drawn is not None:
-        said = f"{sum(map(len, drawn.files)):,} pictures of two cameras, of {len(drawn.rows):,} episodes"
     say(f"{kind}: {recipe.steps:,} steps of {recipe.batch} on {said}")
     network, curve = fit(
-        data, recipe, lambda row: say("  ".join(f"{k} {v:g}" for k, v in row.items())), device,
-        drawn,
+        data, recipe, lambda row: say("  ".join(f"{k} {v:g}" for k, v in row.items())), device
     )  # fmt: skip
     export_onnx(network, out, recipe, {"data": said})
     with out.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:

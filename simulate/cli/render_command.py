@@ -34,7 +34,7 @@ from .simulate_options import explains
 @click.option("--view", type=click.Choice(["front", "side", "top", "close"]), default="front")
 @click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
 @click.option(
-    "--plain", is_flag=True, help="Draw the shapes that are judged, without room and skins."
+    "--plain", is_flag=True, help="Draw the shapes that are judged, without room and textures."
 )
 @explains
 def render(

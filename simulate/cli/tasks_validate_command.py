@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -65,11 +64,6 @@ if TYPE_CHECKING:
     type=Output(file=False, folder=True),
     help="Also write the references' episodes to this folder, as `safestage bench record` does.",
 )
-@click.option(
-    "--pictures",
-    type=Output(file=False, folder=True),
-    help="Folder for one sheet of twelve pictures per episode.",
-)
 @jobs_option
 @robot_option
 @explains
@@ -84,7 +78,6 @@ def validate(
     horizon: float | None,
     table: Path | None,
     keep: Path | None,
-    pictures: Path | None,
     jobs: int,
     robot_mjcf: Path | None,
 ) -> None:
@@ -124,11 +117,11 @@ def validate(
         todo = cases(chosen, seeds, policies, rollouts or 5, robot_mjcf, horizon)
     else:
         todo = cases(chosen, seeds, REFERENCES, rollouts or 1, robot_mjcf, horizon, keep)
-    results = _run(todo, jobs, pictures)
+    results = _run(todo, jobs)
     good = sum(trial.as_expected for trial in results)
     say(f"{good} of {len(results)} as they should be")
     if table is not None:
-        write_output(table, _page(results, controls, noisy, table).encode())
+        write_output(table, _page(results, controls, noisy).encode())
     if noisy is not None:
         sys.exit(_noise(results))
     if controls:
@@ -136,19 +129,15 @@ def validate(
     sys.exit(good < len(results))
 
 
-def _page(results: list[Trial], controls: bool, noisy: float | None, table: Path) -> str:
-    from simulate.feasibility.feasibility_table import page
-    from simulate.feasibility.firmness_table import controls_page, noise_page
+def _page(results: list[Trial], controls: bool, noisy: float | None) -> str:
+    from simulate.feasibility.feasibility_table import controls_page, noise_page, page
 
     if controls:
         return controls_page(results)
-    if noisy is None:
-        return page(results)
-    before = table.read_text(encoding="utf-8") if table.is_file() else ""
-    return noise_page(results, noisy, before)
+    return page(results) if noisy is None else noise_page(results, noisy)
 
 
-def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
+def _run(todo: list[Case], jobs: int) -> list[Trial]:
     from simulate.feasibility.feasibility import trials
 
     width = max(len(case.task.id) for case in todo)
@@ -156,25 +145,21 @@ def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
     say(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
     result = []
     with progress(len(todo), "episode") as show:
-        for trial in trials(todo, jobs=jobs, each=_draws(pictures), done=show):
+        for trial in trials(todo, jobs=jobs, done=show):
             result.append(trial)
             say(_row(trial, width, kinds))
     return result
 
 
 def _row(trial: Trial, width: int, kinds: int) -> str:
-    from simulate.feasibility.feasibility import CONTROLS
     from simulate.feasibility.feasibility_table import said
 
     goal = "-" if trial.success_time is None else f"{trial.success_time:.1f} s"
-    words = said(trial)
-    if trial.policy in CONTROLS and trial.as_expected:
-        words = "no violation"
     mark = "" if trial.as_expected else "  <- not as it should be"
     return (
         f"{trial.task:<{width}}  {trial.seed:>4}  "
         f"{trial.policy.removeprefix('reference:'):<{kinds}}  "
-        f"{goal:>6}  {words}  [{trial.speed:.0f}x real time]{mark}"
+        f"{goal:>6}  {said(trial)}  [{trial.speed:.0f}x real time]{mark}"
     )
 
 
@@ -211,18 +196,3 @@ def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: P
     say(f"{total - wrong} of {total} grades as they should be")
     if wrong:
         sys.exit(1)
-
-
-def _draws(folder: Path | None) -> Any:
-    if folder is None:
-        return None
-    folder.mkdir(parents=True, exist_ok=True)
-    return partial(_draw, folder)
-
-
-def _draw(folder: Path, episode: Any) -> None:
-    from simulate.render.renderer import EpisodeRenderer, contact_sheet, write_png
-
-    with EpisodeRenderer(episode, 480, 360) as renderer:
-        shots = [renderer.frame(i * (len(episode) - 1) // 11) for i in range(12)]
-    write_png(contact_sheet(shots), folder / f"{episode.header.episode_id}.png")

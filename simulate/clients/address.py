@@ -5,9 +5,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import parse_qsl, unquote, urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -23,7 +22,7 @@ PROTOCOLS = {
     "cosmos3": ("cosmos3", "Cosmos3"),
 }
 """Protocol → its file in this folder and its class there."""
-NEEDED = ("msgpack", "websockets", "zmq", "PIL", "zstandard")
+NEEDED = ("msgpack", "websockets", "zmq", "PIL")
 """Packages of the extra ``policies``."""
 
 
@@ -38,8 +37,6 @@ class Common(BaseModel):
     """s to wait for a server that is not there yet."""
     timeout: float | None = Field(None, gt=0)
     """s to wait for an answer; the protocol's own where None."""
-    keep: Path | None = None
-    """Folder in which the conversation of every rollout is kept."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,6 @@ class Address:
 
     dialect: Dialect
     url: str
-    """URL of the server, or of a kept conversation where it begins with ``talk:``."""
     common: Common
 
     @property
@@ -91,18 +87,27 @@ def address_of(policy: str) -> Address:
         port = parts.port
     except ValueError as error:
         raise InputError(where, f"{error}.", example(kind)) from None
-    if parts.scheme == "talk":
-        url = f"talk:{unquote(parts.path)}"
-    elif parts.scheme in kind.schemes and parts.hostname:
+    if parts.scheme in kind.schemes and parts.hostname:
         host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
         url = f"{parts.scheme}://{host}:{port or kind.port}{parts.path}"
     else:
         raise InputError(where, f"{rest!r} is not where {protocol} is served.", example(kind))
-    given = dict(parse_qsl(parts.query, keep_blank_values=True))
+    dialect, common = _options(kind, parts.query, where)
+    return Address(dialect, url, common)
+
+
+def dialect_of(protocol: str) -> Dialect:
+    """A protocol with options as in an address: ``openpi?actions=velocity``. Raises InputError."""
+    name, _, options = protocol.partition("?")
+    return _options(dialect_named(name), options, f"protocol {protocol!r}")[0]
+
+
+def _options(kind: type[Dialect], query: str, where: str) -> tuple[Dialect, Common]:
+    given = dict(parse_qsl(query, keep_blank_values=True))
     options = {key: value for key, value in given.items() if key in Common.model_fields}
     own = {key: value for key, value in given.items() if key not in options}
     try:
-        return Address(kind.model_validate(own), url, Common.model_validate(options))
+        return kind.model_validate(own), Common.model_validate(options)
     except ValidationError as error:
         wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
         names = [field.alias or name for name, field in kind.model_fields.items()]
@@ -111,5 +116,4 @@ def address_of(policy: str) -> Address:
 
 def example(kind: type[Dialect]) -> str:
     """Form of a protocol's addresses."""
-    url = f"{kind.schemes[0]}://HOST:{kind.port}"
-    return f"{kind.protocol}:{url}?name=MY_MODEL, or {kind.protocol}:talk:FILE"
+    return f"{kind.protocol}:{kind.schemes[0]}://HOST:{kind.port}?name=MY_MODEL"

@@ -105,11 +105,6 @@ class Dialect(BaseModel, ABC):
         """A server's greeting on a websocket."""
         return {}
 
-    @property
-    def style(self) -> Style:
-        """Encoding of arrays."""
-        return self.arrays
-
 
 def joined(joints: Any, gripper: Any) -> F64:
     """(N, 8) from (N, 7) and (N,) or (N, 1), the gripper decided. Raises ValueError otherwise."""

@@ -37,13 +37,12 @@ class Groot(Dialect):
     protocol: ClassVar[str] = "groot"
     schemes: ClassVar[tuple[str, ...]] = ("tcp",)
     port: ClassVar[int] = 5555
+    arrays: ClassVar[Style] = "nd"
     rows: ClassVar[int] = 40
 
     horizon: int = Field(8, ge=1)
     keys: Literal["flat", "nested"] = "flat"
     """Flat behind ``--use-sim-policy-wrapper``, nested without it."""
-    coding: Literal["nd", "npy"] = "nd"
-    """Encoding of arrays: msgpack-numpy's, or NumPy files (older servers)."""
     camera: CAMERA = "exterior_left"
     """The one outside."""
     history: tuple[int, ...] | None = None
@@ -95,11 +94,6 @@ class Groot(Dialect):
             }
             for kind, (steps, keys) in modalities.items()
         }
-
-    @property
-    def style(self) -> Style:
-        """Coding of messages, stated by the address."""
-        return self.coding
 
     @property
     def cameras(self) -> tuple[str, ...]:

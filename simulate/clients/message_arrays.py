@@ -1,8 +1,7 @@
-"""Messages of the policies' protocols: MessagePack, and the three ways in which they hold arrays.
+"""Messages of the policies' protocols: MessagePack, and the two ways in which they hold arrays.
 
 - ``openpi``: a map with ``__ndarray__``, as package openpi-client writes it.
-- ``nd``: a map with ``nd``, as package msgpack-numpy writes it; GR00T's newer servers.
-- ``npy``: a map with ``__ndarray_class__`` around a NumPy file; GR00T's older servers.
+- ``nd``: a map with ``nd``, as package msgpack-numpy writes it; GR00T's servers.
 
 Nothing is ever unpickled: arrays of objects are refused in both directions. Few bytes can stand for many
 objects, so those are counted; pictures and joints are arrays, each of which counts as one.
@@ -10,7 +9,6 @@ objects, so those are counted; pictures and joints are arrays, each of which cou
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -18,7 +16,7 @@ from typing import Any, Literal
 import msgpack
 import numpy as np
 
-Style = Literal["openpi", "nd", "npy"]
+Style = Literal["openpi", "nd"]
 
 MOST_VALUES, MOST_TOGETHER = 200_000, 16_384
 """Numbers, texts, maps and lists of a message, and in one map or list."""
@@ -32,7 +30,7 @@ def pack(message: Any, arrays: Style = "openpi") -> bytes:
 
 
 def unpack(data: bytes) -> Any:
-    """A message, its arrays written in any of the three ways. Raises ValueError for anything else."""
+    """A message, its arrays written in either way. Raises ValueError for anything else."""
     left = MOST_VALUES
 
     def counted(values: Any) -> Any:
@@ -84,13 +82,7 @@ def _nd(thing: Any) -> dict[bytes, Any]:
     }
 
 
-def _npy(thing: Any) -> dict[str, Any]:
-    file = io.BytesIO()
-    np.save(file, _plain(thing), allow_pickle=False)
-    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
-
-
-_WRITERS: dict[Style, Any] = {"openpi": _openpi, "nd": _nd, "npy": _npy}
+_WRITERS: dict[Style, Any] = {"openpi": _openpi, "nd": _nd}
 
 
 def _read(item: dict[Any, Any]) -> Any:
@@ -103,14 +95,12 @@ def _read(item: dict[Any, Any]) -> Any:
             return _array(item[b"data"], item[b"type"], item[b"shape"])
         return np.frombuffer(item[b"data"], _dtype(item[b"type"]))[0]
     if "__ndarray_class__" in item:
-        return _npy_array(item["as_npy"])
+        raise ValueError("arrays as NumPy files are of GR00T servers up to ade260e")
     return item
 
 
-def _array(
-    data: bytes, dtype: str | bytes, shape: Sequence[int], order: Literal["C", "F"] = "C"
-) -> np.ndarray[Any, Any]:
-    return np.frombuffer(data, _dtype(dtype)).reshape(shape, order=order)
+def _array(data: bytes, dtype: str | bytes, shape: Sequence[int]) -> np.ndarray[Any, Any]:
+    return np.frombuffer(data, _dtype(dtype)).reshape(shape)
 
 
 def _dtype(name: str | bytes) -> np.dtype[Any]:
@@ -118,14 +108,3 @@ def _dtype(name: str | bytes) -> np.dtype[Any]:
     if not _DTYPE.fullmatch(text):
         raise ValueError(f"arrays of {text[:40]} are not read")
     return np.dtype(text)
-
-
-def _npy_array(data: bytes) -> np.ndarray[Any, Any]:
-    """The array of a NumPy file, which holds as many bytes as its header says."""
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"NumPy files of version {version}")
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0  # fmt: skip
-    shape, is_fortran, dtype = read(file)
-    return _array(data[file.tell() :], dtype.str, shape, "F" if is_fortran else "C")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import uuid
-from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 from simulate.policy import Observation, PolicyError
 
 from .address import Address
-from .conversation import SUFFIX, Kept, Played
 from .line import SETTING, Line, LostError, WebsocketLine, ZeromqLine, last_line
 from .message_arrays import pack, unpack
 
@@ -48,8 +45,6 @@ class Remote:
         if self._seed is not None and getattr(self._line, "wants_setting", False):
             setting = {"endpoint": SETTING, "task": task, "seed": self._seed}
             self._asked(self._sealed(setting), max(self.address.common.wait, 1.0))
-        if self.address.common.keep is not None:
-            self._line = Kept(self._line, _free(self.address.common.keep, task))
         try:
             opening = self._dialect.opening(self._session)
             if opening is not None:
@@ -95,8 +90,6 @@ class Remote:
 
     def _connected(self) -> Line:
         url = self.address.url
-        if url.startswith("talk:"):
-            return Played(Path(url.removeprefix("talk:")))
         if url.startswith("tcp:"):
             return ZeromqLine(url)
         token = os.environ.get(TOKEN, "")
@@ -107,7 +100,7 @@ class Remote:
         token = os.environ.get(TOKEN, "")
         if token and self.address.url.startswith("tcp:"):
             message = {**message, "api_token": token}
-        return pack(message, self._dialect.style)
+        return pack(message, self._dialect.arrays)
 
     def _asked(self, message: bytes, patience: float, *, opening: bool = False) -> Any:
         if self._line is None:
@@ -146,9 +139,3 @@ class Remote:
                 fix=f"set ?horizon={len(actions)} or less, if the model is meant to be run so",
             )  # fmt: skip
         return actions[:horizon]
-
-
-def _free(folder: Path, task: str) -> Path:
-    """A file's name that is not taken."""
-    names = (folder / f"{task}-{i:04d}{SUFFIX}" for i in count())
-    return next(path for path in names if not path.exists())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from math import inf
 from pathlib import Path
 
@@ -28,8 +28,6 @@ SHORT_CONTROL = 20.0
 """s, of a control on other than the first seed."""
 RULES = ("ish", "ets", "fsh")
 """The built-in rule files that references are judged by."""
-
-Draw = Callable[[Episode], None]
 
 
 @dataclass(frozen=True)
@@ -156,7 +154,6 @@ def trials(
     todo: Sequence[Case],
     *,
     jobs: int = 1,
-    each: Draw | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Iterator[Trial]:
     """Run and judge cases in memory; what comes back is in their order.
@@ -164,10 +161,9 @@ def trials(
     Args:
         todo: see ``cases``.
         jobs: processes.
-        each: is handed every episode, in its process (to draw it, say).
         done: called with the number done.
     """
-    results = run_many(partial(attempt, each=each), todo, jobs, done)
+    results = run_many(attempt, todo, jobs, done)
     for case, trial in zip(todo, results, strict=True):
         if isinstance(trial, Died):
             yield Trial(
@@ -177,7 +173,7 @@ def trials(
             yield trial
 
 
-def attempt(case: Case, each: Draw | None = None) -> Trial:
+def attempt(case: Case) -> Trial:
     """Run and judge one case in memory."""
     start = time.process_time()
     task = case.task
@@ -195,8 +191,6 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
         return Trial(task.id, case.seed, case.policy, problem=str(error), rollout=case.rollout)
     episode = writer.episode()
     speed = float(episode.t[-1]) / (time.process_time() - start)
-    if each is not None:
-        each(episode)
     if case.keep is not None:
         write_recording(writer, task, case.keep)
     verdicts = judge(episode, builtin_rules(), assigned_only=not control).verdicts

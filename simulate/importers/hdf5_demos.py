@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval._text.json_text import from_json
 from safestage_eval.importers.hdf5 import fingerprint, is_hdf5, layout, numbered, open_hdf5
 
-from .stored_states import Stored
+from .stored_states import Stored, table_in
 
 
 class DemoFile:
@@ -91,7 +90,7 @@ class DemoFile:
                 actions=actions if actions.ndim == 2 else np.zeros((0, 0)),
                 ctrl=ctrl if ctrl.ndim == 2 else np.zeros((0, 0)),
                 rewards=columns.get("rewards"),
-                meta=_json(demo.attrs.get("ep_meta")),
+                meta=table_in(demo.attrs.get("ep_meta")),
                 about={k: _text(v) or v for k, v in data.attrs.items() if np.ndim(v) == 0},
                 index=_number(name),
             )
@@ -106,11 +105,3 @@ def _text(value: Any) -> str | None:
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     return value if isinstance(value, str) else None
-
-
-def _json(value: Any) -> dict[str, Any]:
-    try:
-        table = from_json(value, foreign=True) if isinstance(value, str | bytes) else {}
-    except ValueError:
-        return {}
-    return table if isinstance(table, dict) else {}

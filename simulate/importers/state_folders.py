@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
 from safestage_eval.importers.npz_arrays import npz_arrays
 
-from .stored_states import Stored
+from .stored_states import Stored, table_in
 
 LONGEST_MODEL = 1 << 28
 """Bytes; large ones have a few million."""
@@ -131,7 +130,6 @@ def _read(folder: Path) -> Stored:
 
 def _json(file: Path) -> dict[str, Any]:
     try:
-        table = from_json(file.read_text(encoding="utf-8"), foreign=True)
-    except (OSError, ValueError):
+        return dict(table_in(file.read_bytes()))
+    except OSError:
         return {}
-    return table if isinstance(table, dict) else {}

@@ -54,11 +54,11 @@ class Stored:
 
     @property
     def _args(self) -> Mapping[str, Any]:
-        return _table(self.about.get("env_args"))
+        return table_in(self.about.get("env_args"))
 
     @property
     def _kwargs(self) -> Mapping[str, Any]:
-        return _table(self._args.get("env_kwargs")) or _table(self.about.get("env_info"))
+        return table_in(self._args.get("env_kwargs")) or table_in(self.about.get("env_info"))
 
     @property
     def task(self) -> str | None:
@@ -69,7 +69,7 @@ class Stored:
     @property
     def instruction(self) -> str | None:
         """The instruction, if the file has one."""
-        said = self.meta.get("lang") or _table(self.about.get("problem_info")).get(
+        said = self.meta.get("lang") or table_in(self.about.get("problem_info")).get(
             "language_instruction"
         )
         if isinstance(said, list):
@@ -109,7 +109,7 @@ class Stored:
         )
 
 
-def _table(value: Any) -> Mapping[str, Any]:
+def table_in(value: Any) -> Mapping[str, Any]:
     """A mapping, or one in JSON; an empty one for anything else."""
     if isinstance(value, bytes | str):
         try:

@@ -17,8 +17,6 @@ FOLDER = Path(__file__).parent / "checkpoints"
 ABOUT = "safestage"
 """Key of the file's metadata under which stands what acting needs to know, as JSON."""
 INPUTS = ("arm", "objects", "start", "prompt", "clock", "noise")
-PICTURE_INPUTS = ("arm", "prompt", "clock", "noise", "pictures", "first")
-"""Inputs of a network that sees pictures instead of poses."""
 
 
 def shipped() -> tuple[str, ...]:
@@ -33,7 +31,7 @@ def checkpoint_file(name: str) -> Path:
         raise InputError(
             f"policy 'learned:{name}'", "no such checkpoint.",
             ", ".join([*shipped(), "the path of an .onnx file"]),
-            "`make learned` trains the four of docs/learned_policies.md",
+            "`make learned` trains those of docs/learned_policies.md",
         )  # fmt: skip
     return path
 
@@ -60,12 +58,16 @@ class Checkpoint:
             text = self._session.get_modelmeta().custom_metadata_map[ABOUT]
             self.about: dict[str, Any] = json.loads(text)
             self.play, self.noise = int(self.about["play"]), int(self.about["noise"])
-            self.pictures = bool(self.about.get("pictures"))
         except Exception as error:  # noqa: BLE001 - onnxruntime's errors have no common ancestor of their own
             raise InputError(
                 str(path), f"no checkpoint of `safestage bench learn train`: {error}"
             ) from None
         self._wanted = {each.name for each in self._session.get_inputs()}
+        if not self._wanted <= {*INPUTS}:
+            raise InputError(
+                str(path), "acts on pictures, which checkpoints no longer do.",
+                fix="serve it, or write it as a policy of your own with cameras (docs/policies.md)",
+            )  # fmt: skip
 
     def answer(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
         """(chunk, ANSWER) of one observation's inputs, each with a first axis of 1."""

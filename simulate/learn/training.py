@@ -12,17 +12,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from safestage_eval.version import __version__
 from simulate.world.world import CONTROL_RATE
 
-from .checkpoint import ABOUT, INPUTS, PICTURE_INPUTS
+from .checkpoint import ABOUT, INPUTS
 from .networks import Network, made
-from .picture_files import Drawn
-from .picture_network import PictureChunks, augmented
-from .picture_recipe import CAMERAS, EVERY, SIZE
 from .policy_inputs import ARM, OBJECT
 from .prompt_embedding import WIDTH
 from .scene_slots import SLOTS
@@ -37,13 +33,9 @@ SAFE_SHARE = 0.6
 """Share of safe ways in a batch; a third of these under the specific prompt, so that the others see as many safe as unsafe ways."""
 
 
-PICTURES = "act_pictures"
-"""The kind that is trained on pictures."""
-STEPS = {"bc": 10_000, "act": 14_000, "diffusion": 14_000, PICTURES: 8_000}
+STEPS = {"bc": 10_000, "act": 14_000, "diffusion": 14_000}
 """Steps of the recipe. Ten thousand took 190 to 250 s of processor each beside five others on one GPU, and 15 to 21
-minutes on one thread (without pictures)."""
-BATCH = {PICTURES: 256}
-"""Size of a batch where it is not 1024."""
+minutes on one thread."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +60,10 @@ class Batches:
         recipe: Recipe,
         chunk: int,
         device: torch.device | str = "cpu",
-        drawn: Drawn | None = None,
     ) -> None:
-        """With pictures, only control steps that have one are drawn."""
+        """Hold some episodes back; of the others batches are drawn."""
         self._device = torch.device(device)
         usable = data.usable
-        self._pictures = None if drawn is None else _all_pictures(drawn, self._device)
-        if drawn is not None:
-            picture = picture_rows(data, drawn)
-            self._picture = torch.from_numpy(picture).to(self._device)
-            usable = usable[picture[usable] >= 0]
         self._arm, self._objects, self._target, self._prompts = (
             torch.from_numpy(rows).to(self._device)
             for rows in (data.arm, data.objects, data.target, data.prompts)
@@ -115,7 +101,6 @@ class Batches:
 
     def held(self, most: int = 2048) -> tuple[dict[str, Tensor], Tensor, Tensor]:
         """Control steps of episodes that are never trained on."""
-        most = most if self._pictures is None else most // 4
         return self._of(self._held[:: max(1, len(self._held) // most)], nudge=False)
 
     def _integers(self, below: int, count: int) -> Tensor:
@@ -127,7 +112,7 @@ class Batches:
         conditions = 2 + (spoken[:, 2] >= 0).long()
         condition = self._integers(6, count) % conditions  # 6 is a multiple of 2 and of 3
         arm, clock = self._arm[rows].clone(), (rows - self._first[rows])[:, None] / CONTROL_RATE
-        if nudge and self._pictures is None:  # a picture shows where the TCP is
+        if nudge:
             size = torch.where(arm[:, 9:] > OPEN, *NUDGE)
             arm[:, :3] += size * torch.randn(
                 (count, 3), generator=self._random, device=self._device
@@ -143,36 +128,7 @@ class Batches:
             "prompt": self._prompts[spoken[torch.arange(count, device=self._device), condition]],
             "clock": clock,
         }
-        if self._pictures is not None:
-            for name, at in (("pictures", rows), ("first", self._first[rows])):
-                seen = self._pictures[self._picture[at]]
-                inputs[name] = augmented(seen, self._random) if nudge else seen.float()
         return inputs, target, known.float()
-
-
-def picture_rows(data: TrainingData, drawn: Drawn) -> NDArray[np.int64]:
-    """(N,) the picture of each control step; −1 where it has none."""
-    result = np.full(len(data.arm), -1)
-    for name, first in zip(data.names, np.unique(data.first), strict=True):
-        pictures = drawn.rows.get(name, ())
-        end = int(data.end[first])
-        rows = np.arange(first, end, EVERY)[: len(pictures)]
-        result[rows] = pictures[: len(rows)]
-    return result
-
-
-def _all_pictures(drawn: Drawn, device: torch.device) -> Tensor:
-    total = sum(len(file) for file in drawn.files)
-    result = torch.empty((total, len(CAMERAS), 3, *SIZE), dtype=torch.uint8, device=device)
-    first = 0
-    for file in drawn.files:
-        result[first : first + len(file)] = torch.from_numpy(np.array(file))
-        first += len(file)
-    return result
-
-
-def _network(kind: str) -> Network:
-    return PictureChunks() if kind == PICTURES else made(kind)
 
 
 def train(
@@ -180,15 +136,14 @@ def train(
     recipe: Recipe,
     tell: Callable[[dict[str, float]], None] = lambda _: None,
     device: torch.device | str = "cpu",
-    drawn: Drawn | None = None,
 ) -> tuple[Network, list[dict[str, float]]]:
     """A trained network, and its curve: losses in training and on episodes held back.
 
-    ``tell`` hears of each row of the curve as it comes; ``drawn``: pictures, for the kind that wants them.
+    ``tell`` hears of each row of the curve as it comes.
     """
     torch.manual_seed(recipe.seed)
-    network = _network(recipe.kind).to(device)
-    batches = Batches(data, recipe, network.chunk, device, drawn)
+    network = made(recipe.kind).to(device)
+    batches = Batches(data, recipe, network.chunk, device)
     optimiser = torch.optim.AdamW(network.parameters(), recipe.rate, weight_decay=1e-4)
     rate = torch.optim.lr_scheduler.OneCycleLR(
         optimiser,
@@ -244,15 +199,13 @@ def export_onnx(
     examples = {
         "arm": torch.zeros(1, ARM), "objects": torch.zeros(1, SLOTS, OBJECT), "start": torch.zeros(1, SLOTS, 3),
         "prompt": torch.zeros(1, WIDTH), "clock": torch.zeros(1, 1), "noise": torch.zeros(1, max(network.noise, 1)),
-        **dict.fromkeys(("pictures", "first"), torch.zeros(1, len(CAMERAS), 3, *SIZE, dtype=torch.uint8)),
     }  # fmt: skip
-    names = PICTURE_INPUTS if recipe.kind == PICTURES else INPUTS
     path.parent.mkdir(parents=True, exist_ok=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # PyTorch's exporter warns of its own parts
         torch.onnx.export(
-            network.eval(), tuple(examples[name] for name in names), str(path),
-            input_names=list(names), output_names=["answer"],
+            network.eval(), tuple(examples[name] for name in INPUTS), str(path),
+            input_names=list(INPUTS), output_names=["answer"],
             dynamo=True, external_data=False, verbose=False,
         )  # fmt: skip
     model = onnx.load(str(path))
@@ -261,7 +214,7 @@ def export_onnx(
         part.ClearField("doc_string")
     about = {
         "kind": recipe.kind, "chunk": network.chunk, "play": network.play, "noise": network.noise,
-        "pictures": recipe.kind == PICTURES, "recipe": asdict(recipe), "safestage": __version__, "torch": torch.__version__, **(more or {}),
+        "recipe": asdict(recipe), "safestage": __version__, "torch": torch.__version__, **(more or {}),
     }  # fmt: skip
     onnx.helper.set_model_props(model, {ABOUT: json.dumps(about)})
     onnx.save(model, str(path))

@@ -39,7 +39,6 @@ class TrainingData:
         spoken: (N, 3) index of the prompt in each condition: default, generic, specific; −1 where
             this way was not shown under it.
         usable: rows that may be learned from.
-        names: ids of the episodes.
     """
 
     arm: F32
@@ -51,7 +50,6 @@ class TrainingData:
     prompts: F32
     spoken: I64
     usable: I64
-    names: tuple[str, ...] = ()
 
 
 def read_dataset(folders: list[Path]) -> TrainingData:
@@ -62,7 +60,7 @@ def read_dataset(folders: list[Path]) -> TrainingData:
 
     Raises InputError for a folder that is no such dataset, or one without usable episodes.
     """
-    arm, parts, names = ArmAlone(), [], []
+    arm, parts = ArmAlone(), []
     prompts: dict[str, int] = {}
     for folder in folders:
         meta, data = _tables(folder)
@@ -77,7 +75,6 @@ def read_dataset(folders: list[Path]) -> TrainingData:
             conditions = [said["default"], said["generic"]]
             conditions += [] if row["safestage.violation"] else [said["specific"]]
             index = [prompts.setdefault(text, len(prompts)) for text in conditions]
-            names.append(row["safestage.episode_id"])
             parts.append(_episode(arm, {k: v[span] for k, v in data.items()}, [*index, -1][:3]))
     if not parts:
         raise InputError(", ".join(map(str, folders)), "no episode with success and a verdict.")
@@ -92,7 +89,6 @@ def read_dataset(folders: list[Path]) -> TrainingData:
         end=starts + np.repeat(lengths, lengths),
         prompts=np.array([embedded(prompt) for prompt in prompts]),
         usable=usable,
-        names=tuple(names),
     )
 
 

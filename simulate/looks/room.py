@@ -1,4 +1,4 @@
-"""A room about the table, its light, and the drawing of skins: all of it seen only.
+"""A room about the table, and its light: all of it seen only.
 
 Nothing here has a contact or a mass; the model that rollouts step never has any of it.
 """
@@ -6,27 +6,15 @@ Nothing here has a contact or a mass; the model that rollouts step never has any
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from .shells import Shell, rounded_box
-from .skins import Finish, Part, arrays
-from .surface_textures import (
-    Surface,
-    brushed,
-    cloth,
-    concrete,
-    laminate,
-    planks,
-    plaster,
-    tiles,
-    wood,
-)
-from .texture_noise import Color, Texture, as_texture
+from .skins import Finish, paint
+from .surface_textures import F64, Color, Surface, brushed, cloth, concrete, laminate, wood
 
 SCENERY_GROUP = 2
 """MuJoCo's visual group of what is only seen."""
@@ -45,9 +33,9 @@ TABLES: tuple[tuple[Surface, Color, Finish], ...] = (
 )
 """Table tops: texture, colour, finish."""
 FLOORS: tuple[tuple[Surface, Color, float], ...] = (
-    (planks, (0.6, 0.45, 0.3), 0.8),
+    (wood, (0.6, 0.45, 0.3), 0.8),
     (concrete, (0.55, 0.55, 0.54), 2.0),
-    (tiles, (0.74, 0.73, 0.7), 1.2),
+    (concrete, (0.74, 0.73, 0.7), 1.2),
     (laminate, (0.42, 0.45, 0.5), 0.5),
 )
 """Floors: texture, colour, width of one texture tile (m)."""
@@ -57,13 +45,13 @@ WALLS: tuple[Color, ...] = (
     (0.85, 0.8, 0.72),
     (0.72, 0.74, 0.76),
 )
-THINGS: tuple[tuple[Surface, Color], ...] = (
-    (wood, (0.5, 0.38, 0.27)),
-    (laminate, (0.3, 0.35, 0.42)),
-    (laminate, (0.8, 0.8, 0.78)),
-    (laminate, (0.45, 0.5, 0.42)),
+THINGS: tuple[Color, ...] = (
+    (0.5, 0.38, 0.27),
+    (0.3, 0.35, 0.42),
+    (0.8, 0.8, 0.78),
+    (0.45, 0.5, 0.42),
 )
-"""Cupboards: texture, colour."""
+"""Colours of cupboards."""
 
 
 @dataclass(frozen=True)
@@ -163,140 +151,46 @@ def furnish(
     )  # fmt: skip
     surface, color, finish = TABLES[look.table]
     half, middle = table
-    _slab(spec, "scenery/top", half, middle, surface(color, rng), 0.6, finish)
-    frame = brushed((0.5, 0.51, 0.53), rng)
-    under = float(middle[2]) - float(half[2])
-    leg = (under - floor_z) / 2
-    for i, (x, y) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+    _thing(spec, "top", half, middle, surface(color, rng), finish, 0.6)
+    leg = (float(middle[2]) - float(half[2]) - floor_z) / 2
+    for x, y in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
         at = (middle[0] + x * (half[0] - 0.05), middle[1] + y * (half[1] - 0.05), floor_z + leg)
-        _slab(spec, f"scenery/leg{i}", (0.025, 0.025, leg), at, frame, 0.5, Finish(0.3, 0.4))
+        _thing(spec, "frame", (0.025, 0.025, leg), at, (0.5, 0.51, 0.53), METAL)
     foot = -floor_z / 2
-    dark = brushed((0.24, 0.25, 0.27), rng)
-    _slab(
-        spec,
-        "scenery/pedestal",
-        (0.11, 0.11, foot),
-        (-0.065, 0, -foot),
-        dark,
-        0.6,
-        Finish(0.3, 0.4),
-    )
+    _thing(spec, "pedestal", (0.11, 0.11, foot), (-0.065, 0, -foot), (0.24, 0.25, 0.27), METAL)
     surface, color, wide = FLOORS[look.floor]
-    far = 0.05
-    paint(spec, "scenery/floor", as_texture(surface(color, rng)), Finish(0.1, 0.3), 1 / wide)
-    world.add_geom(  # a plane: as a slab it would shade itself in stripes
-        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[DEEP, WIDE, 0.1], pos=[MIDDLE, 0, floor_z],
-        material="scenery/floor", contype=0, conaffinity=0, group=SCENERY_GROUP, rgba=[1, 1, 1, 1],
-    )  # fmt: skip
-    wall = plaster(WALLS[look.wall], rng)
-    up = floor_z + HIGH / 2
-    sides = (
-        ((far, WIDE, HIGH / 2), (MIDDLE + DEEP + far, 0, up)),
-        ((far, WIDE, HIGH / 2), (MIDDLE - DEEP - far, 0, up)),
-        ((DEEP, far, HIGH / 2), (MIDDLE, WIDE + far, up)),
-        ((DEEP, far, HIGH / 2), (MIDDLE, -WIDE - far, up)),
-    )
-    for i, (size, at) in enumerate(sides):
-        _slab(spec, f"scenery/wall{i}", size, at, wall, 2.0, Finish(0.0, 0.0, emission=0.3))
-        skirting = [s if s > far else far + 0.01 for s in size[:2]]
-        _slab(
-            spec, f"scenery/skirting{i}", (*skirting, 0.05), (at[0], at[1], floor_z + 0.05),
-            laminate((0.9, 0.9, 0.88), rng), 1.0, Finish(0.1, 0.2),
-        )  # fmt: skip
-    _cupboards(spec, rng, floor_z)
-
-
-def _cupboards(spec: mujoco.MjSpec, rng: np.random.Generator, floor_z: float) -> None:
-    """Two to four cupboards or shelves along the walls, and a board on one."""
+    at = (MIDDLE, 0.0, floor_z)  # a plane: as a slab it would shade itself in stripes
+    _thing(spec, "floor", (DEEP, WIDE, 0.1), at, surface(color, rng), DULL, wide, plane=True)
+    up, far = floor_z + HIGH / 2, 0.05
+    for side in (1.0, -1.0):
+        at = (MIDDLE + side * (DEEP + far), 0, up)
+        _thing(spec, "wall", (far, WIDE, HIGH / 2), at, WALLS[look.wall], DULL)
+        at = (MIDDLE, side * (WIDE + far), up)
+        _thing(spec, "wall", (DEEP, far, HIGH / 2), at, WALLS[look.wall], DULL)
     for i in range(int(rng.integers(2, 5))):
-        surface, color = THINGS[int(rng.integers(len(THINGS)))]
-        high, wide = rng.uniform(0.4, 0.95), rng.uniform(0.3, 0.6)
-        along = rng.uniform(-1.5, 1.5)
-        wall = i % 4
-        at = (
+        color = THINGS[int(rng.integers(len(THINGS)))]
+        high, broad, along = (rng.uniform(*span) for span in ((0.4, 0.95), (0.3, 0.6), (-1.5, 1.5)))
+        x, y = (
             (MIDDLE + DEEP - 0.25, along), (MIDDLE + along, WIDE - 0.25),
             (MIDDLE + along, -WIDE + 0.25), (MIDDLE - DEEP + 0.25, along),
-        )[wall]  # fmt: skip
-        deep = 0.22
-        size = (deep, wide, high) if wall in (0, 3) else (wide, deep, high)
-        _slab(
-            spec,
-            f"scenery/cupboard{i}",
-            size,
-            (*at, floor_z + high),
-            surface(color, rng),
-            0.8,
-            Finish(0.1, 0.3),
-        )
-    board = (0.02, rng.uniform(0.5, 0.9), 0.4)
-    hangs = (MIDDLE + DEEP - 0.02, rng.uniform(-0.8, 0.8), floor_z + 1.75)
-    _slab(
-        spec,
-        "scenery/board",
-        board,
-        hangs,
-        laminate((0.93, 0.94, 0.95), rng),
-        1.0,
-        Finish(0.3, 0.5),
-    )
+        )[i]  # fmt: skip
+        size = (0.22, broad, high) if i in (0, 3) else (broad, 0.22, high)
+        _thing(spec, f"cupboard{i}", size, (x, y, floor_z + high), color, DULL)
 
 
-def _slab(
-    spec: mujoco.MjSpec, name: str, half: Sequence[float], at: Sequence[float], picture: Any,
-    wide: float, finish: Finish,
+METAL, DULL = Finish(0.3, 0.4), Finish(0.0, 0.1)
+
+
+def _thing(
+    spec: mujoco.MjSpec, name: str, half: Sequence[float], at: Sequence[float], picture: F64 | Color,
+    finish: Finish, wide: float = 0.0, *, plane: bool = False,
 ) -> None:  # fmt: skip
-    """A box in the world whose texture repeats every ``wide`` m on each side."""
-    shell = rounded_box(half, 0.002)
-    corner = shell.vertices
-    flat = np.abs(shell.normals).argmax(axis=1)
-    across = np.where(flat == 0, corner[:, 1], corner[:, 0])
-    up = np.where(flat == 2, corner[:, 1], corner[:, 2])
-    uv = np.stack([across, up], 1) / wide
-    if half[1] > half[0]:
-        level = flat == 2  # grain along the longer side
-        uv[level] = uv[level][:, ::-1]
-    part = Part(Shell(corner, shell.normals, uv, shell.faces), as_texture(picture), finish)
-    dress(spec, spec.worldbody, name, [part], at)
-
-
-def dress(
-    spec: mujoco.MjSpec, body: Any, name: str, parts: Iterable[Part],
-    at: Sequence[float] = (0.0, 0.0, 0.0), opacity: float = 1.0, group: int = SCENERY_GROUP,
-) -> None:  # fmt: skip
-    """Hang shells on a body of a model to be drawn, at a place in its frame.
-
-    ``name`` begins the names of what is added, and must be unique in the model.
-    """
-    for i, part in enumerate(parts):
-        key = f"{name}/skin{i}"
-        vertices, normals, uv, faces = arrays(part.shell)
-        spec.add_mesh(
-            name=key, uservert=vertices, usernormal=normals, usertexcoord=uv, userface=faces,
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )  # fmt: skip
-        paint(spec, key, part.texture, part.finish)
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH, meshname=key, material=key, pos=at,
-            contype=0, conaffinity=0, mass=0, group=group,
-            rgba=[1, 1, 1, part.finish.opacity * opacity],
-        )  # fmt: skip
-
-
-def paint(
-    spec: mujoco.MjSpec, key: str, picture: Texture, finish: Finish, repeat: float | None = None
-) -> None:
-    """Add a texture and a material of that name; ``repeat``: times per metre, of a plane."""
-    height, width, _ = picture.shape
-    texture = spec.add_texture(
-        name=key, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
+    """A box or plane in the world; its texture repeats every ``wide`` m."""
+    kind = mujoco.mjtGeom.mjGEOM_PLANE if plane else mujoco.mjtGeom.mjGEOM_BOX
+    geom = spec.worldbody.add_geom(
+        type=kind, size=half, pos=at, contype=0, conaffinity=0, mass=0, group=SCENERY_GROUP
     )
-    texture.data = picture.tobytes()
-    material = spec.add_material(
-        name=key, specular=finish.specular, shininess=finish.shininess, emission=finish.emission
-    )
-    if repeat is not None:
-        material.texuniform, material.texrepeat = True, [repeat, repeat]
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = key
+    paint(spec, geom, f"scenery/{name}", picture, finish, wide)
 
 
 def _three(values: Any) -> tuple[float, float, float]:

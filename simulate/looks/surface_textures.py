@@ -1,21 +1,71 @@
-"""Textures of surfaces: wood, laminate, cloth, concrete, tiles, brushed metal and the like.
+"""Textures of surfaces, and the noise that they are made of: wood, cloth, concrete, brushed metal and the like.
 
-Each function gives (SIDE, SIDE, 3) fractions that tile, made from a colour and a random generator.
+Each gives (SIDE, SIDE, 3) fractions that tile, made from a colour and a random generator; the same seed gives the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .texture_noise import F64, Color, blended, fractal, grid, shaded
-
+F64 = NDArray[np.float64]
+Color = tuple[float, float, float]
+"""Red, green, blue, each 0 … 1."""
 SIDE = 128
 """Pixels of a texture's side."""
 SIZE = (SIDE, SIDE)
 
 Surface = Callable[[Color, np.random.Generator], F64]
+
+
+def fractal(
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    *,
+    slope: float = 1.5,
+    stretch: tuple[float, float] = (1.0, 1.0),
+    finest: float | None = None,
+) -> F64:
+    """(H, W) noise, mean 0 and mostly within ±1, whose amplitude falls with frequency.
+
+    Args:
+        rng: what it is drawn from.
+        size: H, W in pixels.
+        slope: exponent of the fall; 0 is white noise, 2 is cloudy.
+        stretch: how much longer its features are along rows' and columns' direction (y, x).
+        finest: cycles per picture above which there is nothing; all where None.
+    """
+    height, width = size
+    down = np.fft.fftfreq(height)[:, None] * height * stretch[0]
+    along = np.fft.rfftfreq(width)[None, :] * width * stretch[1]
+    frequency = np.hypot(down, along)
+    frequency[0, 0] = np.inf
+    gain = frequency**-slope
+    if finest is not None:
+        gain *= frequency <= finest
+    drawn = np.fft.irfft2(np.fft.rfft2(rng.standard_normal(size)) * gain, s=size)
+    return np.clip(drawn / max(float(drawn.std()), 1e-12) / 2, -1.5, 1.5)
+
+
+def grid(size: tuple[int, int]) -> tuple[F64, F64]:
+    """(H, W) each: y and x of every pixel's middle, 0 … 1 from bottom and left."""
+    y, x = ((np.arange(n) + 0.5) / n for n in size)
+    return np.repeat(y[:, None], size[1], 1), np.repeat(x[None, :], size[0], 0)
+
+
+def shaded(color: Sequence[float] | NDArray[Any], brightness: NDArray[Any]) -> F64:
+    """(H, W, 3): a colour times a brightness (H, W) about 1."""
+    out: F64 = np.asarray(color, float) * brightness[..., None]
+    return out
+
+
+def blended(under: F64, over: Sequence[float] | NDArray[Any], share: NDArray[Any]) -> F64:
+    """(H, W, 3): ``over`` laid on ``under`` with a share (H, W) of 0 … 1."""
+    out: F64 = under + (np.asarray(over, float) - under) * np.clip(share, 0, 1)[..., None]
+    return out
 
 
 def wood(color: Color, rng: np.random.Generator) -> F64:
@@ -25,18 +75,6 @@ def wood(color: Color, rng: np.random.Generator) -> F64:
     rings = np.sin(2 * np.pi * (5 * y + 0.5 * bend))
     pores = fractal(rng, SIZE, slope=0.6, stretch=(1.0, 14.0))
     return shaded(color, 1.0 + 0.09 * rings + 0.08 * pores + 0.05 * bend)
-
-
-def planks(color: Color, rng: np.random.Generator) -> F64:
-    """Floor boards along x, four to a tile, each of a shade of its own."""
-    out = wood(color, rng)
-    y, x = grid(SIZE)
-    board = (4 * y).astype(int)
-    shade = 1 + 0.1 * rng.standard_normal(8)
-    ends = (x + 0.37 * board) % 1.0
-    out = out * shade[board + 4 * (ends > 0.5)][..., None]
-    gap = ((4 * y) % 1 < 0.05) | (np.abs(ends - 0.5) < 0.006) | (ends < 0.006)
-    return blended(out, np.multiply(color, 0.35), 0.8 * gap)
 
 
 def laminate(color: Color, rng: np.random.Generator) -> F64:
@@ -55,21 +93,6 @@ def concrete(color: Color, rng: np.random.Generator) -> F64:
     """Cloudy, with small pits."""
     cloud, grain = fractal(rng, SIZE, slope=1.4), fractal(rng, SIZE, slope=0.2)
     return shaded(color, 1 + 0.08 * cloud + 0.04 * grain - 0.25 * (grain > 1.15))
-
-
-def plaster(color: Color, rng: np.random.Generator) -> F64:
-    """A painted wall."""
-    return shaded(color, 1 + 0.025 * fractal(rng, SIZE, slope=0.8))
-
-
-def tiles(color: Color, rng: np.random.Generator) -> F64:
-    """Square tiles, four by four, with joints."""
-    y, x = grid(SIZE)
-    number = (4 * y).astype(int) * 4 + (4 * x).astype(int)
-    shade = 1 + 0.04 * rng.standard_normal(16)
-    out = shaded(color, shade[number] + 0.03 * fractal(rng, SIZE, slope=1.2))
-    joint = ((4 * y) % 1 < 0.06) | ((4 * x) % 1 < 0.06)
-    return blended(out, np.multiply(color, 0.6), 0.9 * joint)
 
 
 def brushed(color: Color, rng: np.random.Generator) -> F64:
@@ -124,15 +147,10 @@ def wicker(color: Color, rng: np.random.Generator) -> F64:
     return shaded(color, 0.55 + 0.6 * rod + 0.05 * fractal(rng, SIZE, slope=0.4))
 
 
-def smooth(color: Color, rng: np.random.Generator) -> F64:
-    """Plastic, glaze, paint: all but even."""
-    return shaded(color, 1 + 0.012 * fractal(rng, SIZE, slope=1.2))
-
-
 SURFACES: dict[str, Surface] = {
     "wood": wood, "metal": brushed, "steel": brushed, "cloth": cloth, "stone": concrete,
     "marble": marble, "fruit": mottled, "egg": speckled, "soap": speckled, "cork": cork,
     "plush": fuzzy, "felt": fuzzy, "foam": speckled, "bread": crusty, "wicker": wicker,
-    "cardboard": laminate, "paper": laminate, "skin": speckled,
+    "skin": speckled,
 }  # fmt: skip
-"""Material of an object → its surface; others are ``smooth``."""
+"""Material of an object → its surface; others have none."""

@@ -1,4 +1,4 @@
-"""A network trained from demonstrations, acting on arm and prompt, and on poses of objects or on pictures."""
+"""A network trained from demonstrations, acting on the arm, the prompt and the poses of objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 from simulate.arm.kinematics import ArmAlone
 from simulate.learn.checkpoint import opened
-from simulate.learn.picture_recipe import CAMERAS, SIZE, stacked
 from simulate.learn.policy_inputs import arm_rows, object_rows, rotation_of
 from simulate.learn.prompt_embedding import embedded
 from simulate.learn.scene_slots import filled, slot_order
@@ -33,14 +32,12 @@ class Learned:
     Its noise is drawn once an episode, so that it stays with the way it took.
     """
 
-    image_size = SIZE
+    tracks_objects = True
 
     def __init__(self, name: str, draw: Sequence[int] = (0,)) -> None:
         """Load a checkpoint, shipped or by path; ``draw`` seeds its noise. Raises InputError."""
         self.name = f"learned:{name}"
         self._checkpoint, self._draw = opened(name), draw
-        self.tracks_objects = not self._checkpoint.pictures
-        self.cameras = CAMERAS if self._checkpoint.pictures else ()
 
     def reset(self, task: str, prompt: str) -> None:
         """A new episode. Raises InputError for a task that is none of the benchmark's."""
@@ -57,23 +54,15 @@ class Learned:
 
     def act(self, observation: Observation) -> F64:
         """The actions to be played before the next look."""
-        scene: dict[str, NDArray[Any]]
-        if self._checkpoint.pictures:
-            pictures = stacked(observation.images)[None]
-            start = pictures if self._start is None else self._start
-            scene = {"pictures": pictures, "first": start}
-        else:
-            order = slot_order(observation.objects, self._roles)
-            objects = object_rows(filled(observation.objects, order)[None])
-            start = objects[:, :, :3] if self._start is None else self._start
-            scene = {"objects": objects, "start": start}
+        order = slot_order(observation.objects, self._roles)
+        objects = object_rows(filled(observation.objects, order)[None])
         if self._start is None:
-            self._start, self._command = start, observation.joint_position
+            self._start, self._command = objects[:, :, :3], observation.joint_position
         opening = np.array([observation.gripper_opening])
         answer = self._checkpoint.answer(
             arm=arm_rows(_arm(), observation.joint_position[None], opening),
-            prompt=self._prompt, noise=self._noise,
-            clock=np.array([[observation.time]], np.float32), **scene,
+            prompt=self._prompt, noise=self._noise, objects=objects, start=self._start,
+            clock=np.array([[observation.time]], np.float32),
         )  # fmt: skip
         actions, command = [], self._command
         for row in answer[: self._checkpoint.play]:

@@ -1,4 +1,4 @@
-"""Skins on the bodies of a trace, where it is SafeStage's own recording of catalogue objects."""
+"""Meshes and paint on the bodies of a trace, where it is SafeStage's own recording of catalogue objects."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from safestage_eval.episode import Body, Header
 from simulate.arm import droid
 from simulate.catalogue.objects import ObjectModel, catalogue
 from simulate.looks.arm_skin import dress_link
-from simulate.looks.room import Look, dress, look_numbers
-from simulate.looks.skins import skin
-from simulate.looks.texture_noise import Color
+from simulate.looks.room import Look, look_numbers
+from simulate.looks.skins import paint_shapes
+from simulate.looks.surface_textures import Color
 
 CLOSE = 1e-6
 """m by which shapes of a trace and of the catalogue differ at most, being stored in single precision."""
@@ -29,39 +29,36 @@ def recorded_look(header: Header) -> Look | None:
     return Look.drawn(*look_numbers(header.task or "", header.seed or 0))
 
 
-def dress_bodies(
-    spec: mujoco.MjSpec,
-    nodes: Mapping[str, Any],
-    header: Header,
-    colors: Mapping[str, Color],
-    opacity: Mapping[str, float],
-    robot_group: int,
+def dress_arm(
+    spec: mujoco.MjSpec, nodes: Mapping[str, Any], header: Header, robot_group: int
 ) -> set[str]:
-    """Hang skins on a trace's bodies; the names of those whose own shapes are not to be drawn.
+    """Hang the arm's meshes on its links; the names of bodies whose own shapes are not to be drawn.
 
     Args:
         spec: the model to be drawn.
         nodes: body → its node in there.
         header: the trace's.
-        colors: body → a colour all over: its role's.
-        opacity: body → 0 (unseen) … 1.
         robot_group: MuJoCo's visual group of arm and gripper.
     """
-    own_arm = any(note.startswith("arm model: tabletask") for note in header.notes)
     out = {"table", "floor"}
-    for body in header.bodies:
-        node = nodes[body.name]
-        if body.kind in ("robot", "gripper"):
-            link = body.name.removeprefix(droid.PREFIX.replace("/", "_"))
-            if own_arm and dress_link(spec, node, link, robot_group):
-                out.add(body.name)
-            continue
-        found = modelled(body)
-        if found is not None and not found[1].region:
-            parts = skin(*found, colors.get(body.name))
-            dress(spec, node, body.name, parts, opacity=opacity.get(body.name, 1.0), group=0)
-            out.add(body.name)
+    if any(note.startswith("arm model: tabletask") for note in header.notes):
+        prefix = droid.PREFIX.replace("/", "_")
+        links = [body.name for body in header.bodies if body.kind in ("robot", "gripper")]
+        out |= {
+            name
+            for name in links
+            if dress_link(spec, nodes[name], name.removeprefix(prefix), robot_group)
+        }
     return out
+
+
+def paint_body(
+    spec: mujoco.MjSpec, node: Any, body: Body, color: Color | None, opacity: float
+) -> None:
+    """Paint the shapes of a body that is a thing of the catalogue; ``color``: its role's, all over."""
+    found = None if body.kind in ("robot", "gripper", "region") else modelled(body)
+    if found is not None:
+        paint_shapes(spec, node.geoms, body.name, *found, color, opacity)
 
 
 def modelled(body: Body) -> tuple[str, ObjectModel] | None:

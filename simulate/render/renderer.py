@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from safestage_eval._process.closing import Closing
 from safestage_eval.episode import Body, Episode, Geom
 from safestage_eval.formats.atomic import write_output
-from simulate.cameras.graphics import drawing_ids, graphics_context, ids_of
+from simulate.cameras.graphics import Canvas, drawing_ids, ids_of
 from simulate.catalogue.objects import REGION_ALPHA, catalogue
 from simulate.looks.room import Look, furnish
 from simulate.world.world import FLOOR_Z, TABLE_CENTRE, TABLE_HALF
 
-from .dressing import dress_bodies
+from .dressing import dress_arm, paint_body
 
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
@@ -72,7 +72,7 @@ class Style:
         shadow: texels on a side of the shadows' map; fewer are faster.
         samples: of each pixel, against steps in outlines; fewer are faster, 0 is fastest.
         matt: nothing shines, and what faces lamp and camera is not overexposed.
-        look: a room, its light and skins, for a recording of SafeStage's own; None: plain shapes.
+        look: a room, its light and paint, for a recording of SafeStage's own; None: plain shapes.
     """
 
     colors: Mapping[str, Color] = field(default_factory=dict)
@@ -88,7 +88,7 @@ class EpisodeRenderer(Closing):
     """Draws frames of an episode off screen. A context manager: it holds a graphics context.
 
     Without a look, the shapes are those of the trace, so the picture shows what is judged; with one,
-    skins stand about them. One at a time per process.
+    they are painted. One at a time per process.
     """
 
     def __init__(
@@ -102,8 +102,6 @@ class EpisodeRenderer(Closing):
         """Build the scene; raises InputError where nothing can be drawn off screen."""
         style = style or Style()
         self._episode = episode
-        self._context = graphics_context(width, height)
-        self._context.make_current()
         spec = mujoco.MjSpec()
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
         spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
@@ -142,9 +140,9 @@ class EpisodeRenderer(Closing):
         bodies = episode.header.bodies
         # unnamed: one may be called world
         nodes = {body.name: spec.worldbody.add_body(mocap=True) for body in bodies}
-        dressed = set() if style.look is None else dress_bodies(
-            spec, nodes, episode.header, style.colors, style.opacity, ROBOT_GROUP
-        )  # fmt: skip
+        dressed = set()
+        if style.look is not None:
+            dressed = dress_arm(spec, nodes, episode.header, ROBOT_GROUP)
         for i, body in enumerate(bodies):
             node = nodes[body.name]
             for geom in () if body.name in dressed else body.geoms:
@@ -152,12 +150,14 @@ class EpisodeRenderer(Closing):
                 solid = REGION_ALPHA if body.kind == "region" else 1.0
                 group = ROBOT_GROUP if body.kind in ("robot", "gripper") else 0
                 _add_geom(node, geom, color, style.opacity.get(body.name, solid), group)
+            if style.look is not None and body.name not in dressed:
+                paint_body(
+                    spec, node, body, style.colors.get(body.name), style.opacity.get(body.name, 1.0)
+                )
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
-        self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
-        self._rect = mujoco.MjrRect(0, 0, width, height)
+        self._canvas = Canvas(self._model, width, height)
+        self._scene = self._canvas.scene
 
     def fade(self, opacity: Mapping[str, float]) -> None:
         """See bodies through from now on: name → 0 (unseen) … 1."""
@@ -212,10 +212,7 @@ class EpisodeRenderer(Closing):
             for eye in self._scene.camera:
                 eye.orthographic = 1
                 eye.frustum_top, eye.frustum_bottom = camera.height / 2, -camera.height / 2
-        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
-        mujoco.mjr_render(self._rect, self._scene, self._target)
-        mujoco.mjr_readPixels(out, None, self._rect, self._target)
-        return np.ascontiguousarray(out[::-1])
+        return self._canvas.draw()
 
     def _draw_shortest(self, a: Sequence[str], b: Sequence[str], color: Color) -> None:
         """Add the shortest segment between two groups of bodies to the scene, where there is one within 1 m."""
@@ -284,19 +281,7 @@ class EpisodeRenderer(Closing):
 
     def close(self) -> None:
         """Give the graphics context back."""
-        self._target.free()
-        self._context.free()
-
-
-def contact_sheet(images: Sequence[Image], columns: int = 4) -> Image:
-    """Pictures of one size side by side, row after row; the last row is filled with black."""
-    height, width, _ = images[0].shape
-    rows = -(-len(images) // columns)
-    sheet = np.zeros((rows * height, columns * width, 3), np.uint8)
-    for i, image in enumerate(images):
-        y, x = divmod(i, columns)
-        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = image
-    return sheet
+        self._canvas.close()
 
 
 def write_png(image: Image, path: Path) -> None:

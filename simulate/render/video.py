@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -134,21 +134,20 @@ def _mp4(pictures: Iterator[Image], path: Path, rate: int) -> int:
 
 
 def _gif(pictures: Iterator[Image], path: Path, rate: int) -> int:
-    from PIL import Image as Pictures
-
-    shots = [Pictures.fromarray(picture).quantize(64) for picture in pictures]
-    shots[0].save(
-        path, "GIF", save_all=True, append_images=shots[1:], duration=1000 // rate, loop=0
-    )
-    return len(shots)
+    return _animated(pictures, path, rate, colors=64)
 
 
 def _webp(pictures: Iterator[Image], path: Path, rate: int) -> int:
+    return _animated(pictures, path, rate, method=4, quality=60, minimize_size=True)
+
+
+def _animated(
+    pictures: Iterator[Image], path: Path, rate: int, *, colors: int = 0, **how: Any
+) -> int:
     from PIL import Image as Pictures
 
-    first, *others = (Pictures.fromarray(picture) for picture in pictures)
-    first.save(
-        path, "WEBP", save_all=True, append_images=others, duration=1000 // rate, loop=0,
-        method=4, quality=60, minimize_size=True,
-    )  # fmt: skip
+    every = (Pictures.fromarray(picture) for picture in pictures)
+    first, *others = (one.quantize(colors) if colors else one for one in every)
+    kind, pause = "GIF" if colors else "WEBP", 1000 // rate
+    first.save(path, kind, save_all=True, append_images=others, duration=pause, loop=0, **how)
     return 1 + len(others)

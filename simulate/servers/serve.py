@@ -7,7 +7,7 @@ from functools import partial
 
 from safestage_eval._serving.guard import Guard
 from safestage_eval.errors import InputError
-from simulate.clients.address import address_of, is_address
+from simulate.clients.address import dialect_of, is_address
 from simulate.policies.policy_names import policy_name
 
 from .served_answers import Desk
@@ -41,8 +41,7 @@ def serve(
 
     Raises InputError for what cannot be served, or not there.
     """
-    name, _, options = protocol.partition("?")
-    dialect = address_of(f"{name}:talk:none?{options}").dialect
+    dialect = dialect_of(protocol)
     if is_address(policy):
         raise InputError(
             f"policy {policy!r}", "is served already.", fix="name it in record --policy"

@@ -39,7 +39,7 @@ class Desk:
 
     def greeting(self) -> bytes:
         """Greeting on a websocket."""
-        return pack(self._dialect.greeting(), self._dialect.style)
+        return pack(self._dialect.greeting(), self._dialect.arrays)
 
     def answered(self, message: bytes) -> bytes | str:
         """The answer. Raises InputError or ValueError for what cannot be answered."""
@@ -79,7 +79,7 @@ class Desk:
         return episode
 
     def _packed(self, message: Any) -> bytes:
-        return pack(message, self._dialect.style)
+        return pack(message, self._dialect.arrays)
 
 
 def complaint(error: Exception) -> str:

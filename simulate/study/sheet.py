@@ -17,7 +17,7 @@ from simulate.render.marks import Color, frame_at
 from simulate.render.renderer import Camera, EpisodeRenderer, Image, Style
 
 from .key_frames import key_frames
-from .viewpoint import OTHER_ROLE, Scene, camera_of, near, per_metre
+from .viewpoint import OTHER_ROLE, Scene, camera_of, near
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
@@ -56,14 +56,9 @@ def sheet(
         InputError: nothing can be drawn off screen, or Pillow is not installed.
     """
     frames = key_frames(scene.episode, count, scene.framed)
-    result = []
-    with _renderer(scene, size) as renderer:
-        for view in views:
-            renderer.fade(scene.opacity(view))
-            camera = camera_of(scene, view, frames, size, renderer)
-            cells = [_cell(scene, renderer, frame, camera) for frame in frames]
-            result.append(_composed(cells, _header(scene, facts, camera), scene))
-    return result
+    looks = [(view, camera_of(scene, view, frames, size)) for view in views]
+    rows = _drawn(scene, [(view, [(frame, at) for frame in frames]) for view, at in looks], size)
+    return [_composed(cells, _header(scene, facts), scene) for cells in rows]
 
 
 def close_up(
@@ -87,20 +82,16 @@ def close_up(
     if not episode.t[0] <= start <= end:
         raise InputError("time", f"{start:g} to {end:g} s is no span of the recording.")
     frames = sorted({frame_at(episode, t) for t in np.linspace(start, end, count).tolist()})
-    with _renderer(scene, size) as renderer:
-        renderer.fade(scene.opacity(view))
-        fixed = None if zoom else camera_of(scene, view, frames, size, renderer)
-        largest = max((near(episode, name) for name in zoom), default=0.0)
-        cells = []
-        for frame in frames:
-            camera = fixed or camera_of(
-                scene, view, [frame], size, renderer, zoom, height=largest, steady=frames
-            )
-            cells.append(_cell(scene, renderer, frame, camera))
+    largest = max((near(episode, name) for name in zoom), default=0.0)
+    cells = []
+    for frame in frames:
+        seen = [frame] if zoom else frames
+        look = camera_of(scene, view, seen, size, zoom, height=largest, steady=frames)
+        cells.append((frame, look))
     title = f"from {start:g} to {end:g} s, view: {view}" + (
         f", at {', '.join(zoom)}" if zoom else ""
     )
-    return _composed(cells, [(title, True)], scene)
+    return _composed(_drawn(scene, [(view, cells)], size)[0], [(title, True)], scene)
 
 
 def ending(scene: Scene, facts: Mapping[str, Any], size: tuple[int, int] = CELL) -> Image:
@@ -115,27 +106,33 @@ def ending(scene: Scene, facts: Mapping[str, Any], size: tuple[int, int] = CELL)
     frames = [frame_at(episode, max(time, 0.0)) for time in times]
     named = [name for role in ("target", "protected") for name in scene.roles.get(role, ())]
     zoom = [name for name in named if name in episode.bodies] or list(scene.framed)
-    cells = []
-    with _renderer(scene, size) as renderer:
-        for view in ("side", "robot", "top"):
-            renderer.fade(scene.opacity(view))
-            height = max((near(episode, name) for name in zoom[:1]), default=0.0)
-            camera = camera_of(
-                scene, view, frames[-1:], size, renderer, zoom, height=height, steady=frames
-            )
-            cells += [_cell(scene, renderer, frame, camera) for frame in frames]
-    return _composed(cells, _header(scene, facts, camera), scene)
+    height = max((near(episode, name) for name in zoom[:1]), default=0.0)
+    rows = []
+    for view in ("side", "robot", "top"):
+        look = camera_of(scene, view, frames[-1:], size, zoom, height=height, steady=frames)
+        rows.append((view, [(frame, look) for frame in frames]))
+    cells = [cell for row in _drawn(scene, rows, size) for cell in row]
+    return _composed(cells, _header(scene, facts), scene)
 
 
-def _renderer(scene: Scene, size: tuple[int, int]) -> EpisodeRenderer:
+Row = tuple[str, Sequence[tuple[int, Camera]]]
+"""A view, and the frames and cameras of its cells."""
+
+
+def _drawn(scene: Scene, rows: Sequence[Row], size: tuple[int, int]) -> list[list[Image]]:
     style = Style(scene.colors, sky=SKY, shadow=1024, matt=True)
-    return EpisodeRenderer(scene.episode, *size, style=style)
+    out = []
+    with EpisodeRenderer(scene.episode, *size, style=style) as renderer:
+        for view, cells in rows:
+            renderer.fade(scene.opacity(view))
+            out.append([_cell(scene, renderer, frame, camera) for frame, camera in cells])
+    return out
 
 
 def _cell(scene: Scene, renderer: EpisodeRenderer, frame: int, camera: Camera) -> Image:
     """The picture of a frame: outlines of what has a role, the time, and a scale bar."""
     episode = scene.episode
-    image = renderer.frame(frame, camera, shadows=camera.height is None)
+    image = renderer.frame(frame, camera, shadows=False)
     image = _outlined(scene, image, renderer.owners(frame, camera, robot=False))
     picture, pen, font = _pen(image, 17)
     pen.rectangle((0, 0, 74, 22), fill=(255, 255, 255))
@@ -143,15 +140,10 @@ def _cell(scene: Scene, renderer: EpisodeRenderer, frame: int, camera: Camera) -
     done = episode.header.success_time
     if done is not None and episode.t[frame] >= done:
         pen.text((82, 2), "goal reached", fill=(20, 110, 40), font=font)
-    name = next(iter(scene.roles.get("target", scene.framed)), None)
-    if name is not None:
-        track = episode.tracks[name].over(len(episode))
-        place = track.position[frame].astype(np.float64)
-        height, width, _ = image.shape
-        length = BAR * per_metre(camera, place, height)
-        x, y = width - 10, height - 10
-        pen.line((x - length, y, x, y), fill=(0, 0, 0), width=4)
-        pen.text((x - length / 2 - 18, y - 22), "5 cm", fill=(0, 0, 0), font=font)
+    height, width, _ = image.shape
+    x, y, length = width - 10, height - 10, BAR * height / (camera.height or 1.0)
+    pen.line((x - length, y, x, y), fill=(0, 0, 0), width=4)
+    pen.text((x - length / 2 - 18, y - 22), "5 cm", fill=(0, 0, 0), font=font)
     return np.asarray(picture)
 
 
@@ -172,22 +164,24 @@ def _outlined(scene: Scene, image: Image, owners: NDArray[np.int64]) -> Image:
     return out
 
 
-def _header(scene: Scene, facts: Mapping[str, Any], camera: Camera) -> list[tuple[str, bool]]:
+def _header(scene: Scene, facts: Mapping[str, Any]) -> list[tuple[str, bool]]:
     """Lines of words; True: bold."""
     lines = [(f"Task: {facts['instruction'] or 'not given'}", True)]
     if facts["look"]:
         lines.append((facts["look"], False))
-    lines += [(text, bold) for rule in facts["rules"] for text, bold in rule_lines(rule)]
-    if facts["success"] is None:
-        goal = "not known whether the goal was reached"
-    elif facts["success"]:
-        goal = f"goal reached at {facts['success_time']:.2f} s"
-    else:
-        goal = "goal not reached"
+    lines += [line for rule in facts["rules"] for line in rule_lines(rule)]
     length = float(scene.episode.t[-1])
-    scale = "the same scale everywhere" if camera.height else "perspective, bar: 5 cm at the target"
-    lines.append((f"{goal}; {length:.1f} s recorded. {scale}", False))
-    return lines
+    said = f"{goal_said(facts)}; {length:.1f} s recorded. The same scale everywhere"
+    return [*lines, (said, False)]
+
+
+def goal_said(facts: Mapping[str, Any]) -> str:
+    """Whether and when the goal was reached, in words."""
+    if facts["success"] is None:
+        return "not known whether the goal was reached"
+    return (
+        f"goal reached at {facts['success_time']:.2f} s" if facts["success"] else "goal not reached"
+    )
 
 
 def rule_lines(rule: Mapping[str, Any]) -> list[tuple[str, bool]]:

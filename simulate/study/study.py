@@ -22,7 +22,7 @@ from safestage_eval.metrics.labels import ANSWERS, Label
 from safestage_eval.rules import BindFile, RuleSet
 from simulate.render.renderer import Image, write_png
 
-from .sheet import close_up, ending, rule_lines, sheet
+from .sheet import close_up, ending, goal_said, rule_lines, sheet
 from .viewpoint import Scene
 
 VIEWS = {"a": "front", "b": "side", "c": "top"}
@@ -135,12 +135,7 @@ def question_lines(one: Numbered, facts: Mapping[str, Any], scene: Scene) -> lis
         lines += [f"  {name}: {meaning}" for name, meaning in rule["words"].items()]
     lines += ["", *(f"{role}: {', '.join(names)}" for role, names in facts["roles"].items())]
     length = float(scene.episode.t[-1])
-    reached = "goal not reached"
-    if facts["success"] is None:
-        reached = "not known whether the goal was reached"
-    elif facts["success"]:
-        reached = f"goal reached at {facts['success_time']:.2f} s"
-    return [*lines, f"{reached}; recorded: 0 to {length:.2f} s"]
+    return [*lines, f"{goal_said(facts)}; recorded: 0 to {length:.2f} s"]
 
 
 def look(

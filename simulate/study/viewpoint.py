@@ -13,7 +13,7 @@ from safestage_eval.geometry.pose import matrix
 from safestage_eval.geometry.shape import BodyShape
 from safestage_eval.palette import PAINTS, fractions
 from simulate.render.marks import Color
-from simulate.render.renderer import FOV, Camera, EpisodeRenderer
+from simulate.render.renderer import Camera
 
 F64 = NDArray[np.float64]
 
@@ -32,8 +32,6 @@ SMALLEST = 0.16
 """m, the least height of a picture."""
 FALLEN = 0.25
 """m below its start, from which on a body does not widen the frame."""
-PREFERENCE = 0.15
-"""By how much of a body's pixels a direction is preferred to the next pair."""
 DIRECTIONS = {"front": -25.0, "robot": -30.0, "side": -4.0, "top": -89.0}
 """View → elevation, deg."""
 
@@ -88,49 +86,36 @@ def camera_of(
     view: str,
     frames: Sequence[int],
     size: tuple[int, int],
-    renderer: EpisodeRenderer,
     bodies: Sequence[str] = (),
     *,
     height: float = 0.0,
     steady: Sequence[int] | None = None,
 ) -> Camera:
-    """An orthographic look, or for ``front`` a perspective one, at everything in the frame.
-
-    Of directions that show it equally broad the one is taken in which the robot hides least.
+    """An orthographic look at everything in the frame.
 
     Args:
         scene: what is shown.
         view: of ``DIRECTIONS``.
         frames: at which it is to be in the picture.
         size: of the picture.
-        renderer: asks what is hidden.
         bodies: others than those that the scene frames.
         height: m that the picture is to have at least.
         steady: frames by which the direction is chosen, if others.
     """
     points = _corners(scene, bodies or scene.framed, frames)
     spread = points if steady is None else _corners(scene, scene.framed, steady)
-    elevation = DIRECTIONS[view]
-    candidates = _azimuths(scene.episode, view, spread)
-    looks = [_fitted(points, azimuth, elevation, size, height, view) for azimuth in candidates]
-    if len(looks) == 1:
-        return looks[0]
-    probe = list(steady or frames)
-    probe = probe[:: max(len(probe) // 6, 1)]
-    index = scene.episode.body_index
-    wanted = [index[name] for name in scene.framed]
-    seen = np.array([_seen(renderer, look, probe, wanted) for look in looks])
-    share = seen / np.maximum(seen.max(0), 1)
-    share[:, [name in scene.roles.get("target", ()) for name in scene.framed]] *= 3
-    return looks[int(np.argmax(share.sum(1) - PREFERENCE * (np.arange(len(looks)) // 2)))]
-
-
-def _seen(
-    renderer: EpisodeRenderer, look: Camera, frames: Sequence[int], wanted: Sequence[int]
-) -> NDArray[np.int64]:
-    """(N,) pixels of each wanted body in the pictures of some frames."""
-    owners = np.stack([renderer.owners(frame, look) for frame in frames])
-    return np.array([int((owners == body).sum()) for body in wanted])
+    azimuth, elevation = _azimuth(scene.episode, view, spread), DIRECTIONS[view]
+    a, e = np.radians(azimuth), np.radians(elevation)
+    forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([np.sin(a), -np.cos(a), 0.0])
+    axes = np.stack([right, np.cross(right, forward), forward])
+    seen = points @ axes.T
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ axes
+    across, rise, _ = np.ptp(seen, axis=0) + 2 * MARGIN
+    need = max(float(rise), float(across) * size[1] / size[0], SMALLEST, height)
+    return Camera(
+        (float(middle[0]), float(middle[1]), float(middle[2])), 3.0, azimuth, elevation, need
+    )
 
 
 def _free(body: Body) -> bool:
@@ -175,65 +160,16 @@ def _corners(scene: Scene, names: Iterable[str], frames: Sequence[int]) -> F64:
     return points if len(points) else np.zeros((1, 3))
 
 
-def _azimuths(episode: Episode, view: str, points: F64) -> list[float]:
-    """deg: along the robot's reach, or across the line along which things are spread."""
+def _azimuth(episode: Episode, view: str, points: F64) -> float:
+    """deg: by the robot's reach, or across the line along which things are spread."""
     if view == "top":
-        return [90.0]
+        return 90.0
+    if view == "side":
+        flat = points[:, :2] - points[:, :2].mean(0)
+        _, axes = np.linalg.eigh(flat.T @ flat)
+        return float(np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))) + 90.0
     base = next((b for b in episode.header.bodies if b.kind == "robot"), None)
     root = episode.tracks[base.name].position[0, :2] if base is not None else np.zeros(2)
     away = points[:, :2].mean(0) - root
     reach = float(np.degrees(np.arctan2(away[1], away[0])))
-    if view == "robot":
-        return [reach]
-    if view == "front":
-        return [reach + turn for turn in (140.0, -140.0, 110.0, -110.0)]
-    flat = points[:, :2] - points[:, :2].mean(0)
-    _, axes = np.linalg.eigh(flat.T @ flat)
-    along = float(np.degrees(np.arctan2(axes[1, 1], axes[0, 1])))
-    return [along + turn for turn in (90.0, -90.0, 60.0, -60.0, 120.0, -120.0)]
-
-
-def _fitted(
-    points: F64, azimuth: float, elevation: float, size: tuple[int, int], height: float, view: str
-) -> Camera:
-    """A camera in whose picture all points lie."""
-    forward, right, up = axes_of(azimuth, elevation)
-    across, rise = points @ right, points @ up
-    middle = (
-        (across.min() + across.max()) / 2 * right
-        + (rise.min() + rise.max()) / 2 * up
-        + ((points @ forward).min() + (points @ forward).max()) / 2 * forward
-    )
-    aspect = size[0] / size[1]
-    need = max(
-        float(np.ptp(rise)) + 2 * MARGIN,
-        (float(np.ptp(across)) + 2 * MARGIN) / aspect,
-        SMALLEST,
-        height,
-    )
-    at = (float(middle[0]), float(middle[1]), float(middle[2]))
-    if view != "front":
-        return Camera(at, 3.0, azimuth, elevation, need)
-    slope = np.tan(np.radians(FOV / 2))
-    nearer = middle @ forward - points @ forward
-    away = np.maximum(
-        np.abs(rise - middle @ up) / slope, np.abs(across - middle @ right) / (slope * aspect)
-    )
-    return Camera(at, max(float((away + nearer).max()) * 1.06, 0.3), azimuth, elevation)
-
-
-def axes_of(azimuth: float, elevation: float) -> tuple[F64, F64, F64]:
-    """Unit vectors forward, right and up of a camera, in the world."""
-    a, e = np.radians(azimuth), np.radians(elevation)
-    forward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    right = np.array([np.sin(a), -np.cos(a), 0.0])
-    return forward, right, np.cross(right, forward)
-
-
-def per_metre(camera: Camera, point: F64, height: int) -> float:
-    """Pixels that a metre takes across the line of sight at a point (3,) of the world."""
-    if camera.height is not None:
-        return height / camera.height
-    forward, _, _ = axes_of(camera.azimuth, camera.elevation)
-    depth = camera.distance + float((point - np.array(camera.at)) @ forward)
-    return float(height / 2 / np.tan(np.radians(FOV / 2)) / max(depth, 0.05))
+    return reach if view == "robot" else reach + 140.0

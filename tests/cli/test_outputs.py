@@ -64,7 +64,6 @@ FOLDERS = (
     "score {dataset} --resume",
     "label sheets draw {dataset} --out",
     "bench learn export {dataset} --out",
-    "bench learn pictures {dataset} --out",
 )  # fmt: skip
 """Commands that write a folder, with what they read."""
 

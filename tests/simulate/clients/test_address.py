@@ -27,7 +27,6 @@ def test_an_address_says_where_and_how() -> None:
         ("groot:tcp://gpu", "tcp://gpu:5555"),
         ("dreamzero:wss://gpu:5000", "wss://gpu:5000"),
         ("cosmos3:ws://[::1]:8000", "ws://[::1]:8000"),
-        ("openpi:talk:/kept/a b.talk", "talk:/kept/a b.talk"),
     ],
 )
 def test_what_is_left_out_is_the_protocols_own(policy: str, url: str) -> None:

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from served import HOME, seen
 
-from simulate.clients.address import PROTOCOLS, address_of
+from simulate.clients.address import PROTOCOLS, dialect_of
 from simulate.clients.dialect import Dialect
 
-ALL = [*PROTOCOLS, "openpi?actions=velocity", "groot?keys=nested&coding=npy"]
+ALL = [*PROTOCOLS, "openpi?actions=velocity", "groot?keys=nested"]
 
 
 def dialect(of: str) -> Dialect:
-    name, _, options = of.partition("?")
-    return address_of(f"{name}:talk:none?{options}").dialect
+    return dialect_of(of)
 
 
 def grip(of: Dialect, *values: float) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import os
 import socket
 import subprocess
@@ -178,18 +177,14 @@ def test_few_bytes_do_not_become_many_objects() -> None:
 
 
 def test_arrays_hold_what_they_claim() -> None:
-    file = io.BytesIO()
-    np.lib.format.write_array_header_1_0(
-        file, {"descr": "<f8", "fortran_order": False, "shape": (1 << 33,)}
-    )
-    for claim in (file.getvalue() + bytes(64), b"PK\x03\x04" + bytes(60)):
+    for shape in ([1 << 33], [2]):
         with pytest.raises(ValueError, match="MessagePack"):
-            unpack(pack({"__ndarray_class__": True, "as_npy": claim}))
+            unpack(pack({b"nd": True, b"type": "<f8", b"shape": shape, b"data": bytes(8)}))
     for dtype in ("({", "f8,f8", "O", "V8", "<U99999999"):
         with pytest.raises(ValueError, match="MessagePack"):
             unpack(pack({b"nd": True, b"type": dtype, b"shape": [1], b"data": bytes(8)}))
     square = np.asfortranarray(np.arange(6.0).reshape(2, 3))
-    assert np.array_equal(unpack(pack(square, "npy")), square)
+    assert np.array_equal(unpack(pack(square, "nd")), square)
 
 
 def test_sizes_and_names_on_the_command_line_are_checked() -> None:

@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as npst
 
 from simulate.clients.message_arrays import Style, pack, unpack
 
-STYLES: tuple[Style, ...] = ("openpi", "nd", "npy")
+STYLES: tuple[Style, ...] = ("openpi", "nd")
 DTYPES = npst.integer_dtypes() | npst.floating_dtypes() | npst.boolean_dtypes()
 
 

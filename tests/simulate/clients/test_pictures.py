@@ -11,7 +11,7 @@ from closed_loop import ByRote
 
 import simulate.record.rollout
 from safestage_eval.episode import Episode
-from simulate.clients.address import address_of
+from simulate.clients.address import dialect_of
 from simulate.policies.policy_names import policy_named
 from simulate.policy import Observation
 from simulate.record.rollout import Setting, roll_out
@@ -41,8 +41,8 @@ class Clock:
 class Drifts(ByRote):
     """Turns the first joint on and on, and keeps what it was asked."""
 
-    def __init__(self, address: str, asked: list[Any]) -> None:
-        super().__init__(address_of(address).dialect)
+    def __init__(self, protocol: str, asked: list[Any]) -> None:
+        super().__init__(dialect_of(protocol))
         self._asked = asked
 
     def rows(self, seen: Observation) -> np.ndarray:
@@ -60,7 +60,7 @@ def rolled(
     asked: list[Any] = []
     name, _, options = protocol.partition("?")
     kind = ZeromqServer if name == "groot" else WebsocketServer
-    with kind(lambda: Drifts(f"{name}:talk:x?{serving or options}", asked)) as server:  # type: ignore[arg-type,return-value]
+    with kind(lambda: Drifts(f"{name}?{serving or options}", asked)) as server:  # type: ignore[arg-type,return-value]
         policy = policy_named(f"{name}:{server.url}?{options}")
         episode = roll_out(Setting(TASK, horizon=steps / 15), policy).episode()
     assert episode.header.termination == "horizon", episode.header.notes

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import msgpack
 import numpy as np
 import pytest
+import zstandard
 from served import picture, seen
 
-from simulate.clients.address import address_of
-from simulate.clients.conversation import messages
+from simulate.clients.address import dialect_of
 from simulate.clients.message_arrays import Style, pack, unpack
-from simulate.policies.policy_names import policy_named
 
 SAID = Path(__file__).with_name("openpi_client.talk")
 ACTIONS = (np.arange(120).reshape(15, 8) / 64).astype(np.float32)
@@ -26,21 +26,20 @@ ARRAYS: dict[str, Any] = {
 
 
 def said(who: str) -> Any:
-    return next(what for name, what in messages(SAID) if name == who)
+    with SAID.open("rb") as file, zstandard.ZstdDecompressor().stream_reader(file) as stream:
+        return dict(msgpack.Unpacker(stream, max_buffer_size=0))[who]
 
 
 def test_a_request_is_what_the_published_client_sends() -> None:
     images = {"exterior_left": picture(0), "wrist": picture(60)}
-    request = address_of("openpi:talk:x").dialect.request(seen(images=images), "")
+    request = dialect_of("openpi").request(seen(images=images), "")
     assert pack(request) == said("asked")
 
 
 def test_an_answer_of_the_published_package_is_understood() -> None:
-    policy = policy_named(f"openpi:talk:{SAID}")
-    policy.reset("", "")
     expected = ACTIONS.astype(float)
     expected[:, 7] = expected[:, 7] > 0.5
-    assert np.array_equal(policy.act(seen()), expected)
+    assert np.array_equal(dialect_of("openpi").actions(unpack(said("answered")), seen()), expected)
 
 
 @pytest.mark.parametrize("style", ["openpi", "nd"])

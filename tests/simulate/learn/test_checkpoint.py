@@ -9,7 +9,6 @@ import pytest
 
 from safestage_eval.errors import InputError
 from simulate.learn.checkpoint import FOLDER, Checkpoint, checkpoint_file, opened, shipped
-from simulate.learn.picture_recipe import CAMERAS, SIZE
 from simulate.learn.policy_inputs import ANSWER, ARM, OBJECT
 from simulate.learn.prompt_embedding import WIDTH
 from simulate.learn.scene_slots import SLOTS
@@ -39,8 +38,6 @@ def test_a_checkpoint_answers(name: str) -> None:
         "prompt": np.zeros((1, WIDTH), np.float32),
         "clock": np.zeros((1, 1), np.float32),
         "noise": np.zeros((1, max(checkpoint.noise, 1)), np.float32),
-        "pictures": np.zeros((1, len(CAMERAS), 3, *SIZE), np.uint8),
-        "first": np.zeros((1, len(CAMERAS), 3, *SIZE), np.uint8),
     }
     answer = checkpoint.answer(**zeros)
     assert answer.shape == (checkpoint.about["chunk"], ANSWER)
