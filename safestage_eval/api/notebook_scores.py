@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from safestage_eval.formats import EpisodeRef
+    from safestage_eval.metrics import Rates
     from safestage_eval.metrics.paired import By
     from safestage_eval.verdicts import EpisodeResult
 
@@ -91,9 +92,8 @@ class Scores:
         """
         import pandas as pd
 
-        from safestage_eval.metrics import METRICS, by_policy_stage, outcomes
+        from safestage_eval.metrics import METRICS
 
-        cells = by_policy_stage(outcomes(self._judged.results, self._judged.set_aside))
         rows = [
             {
                 **dict(zip(("policy", "prompt", "stage"), names, strict=True)),
@@ -112,9 +112,14 @@ class Scores:
                 },
                 "VR_at_risk": cell.value("VR", "at risk"),
             }
-            for names, cell in cells.items()
+            for names, cell in self._cells().items()
         ]
         return pd.DataFrame(rows)
+
+    def _cells(self) -> dict[tuple[str, ...], Rates]:
+        from safestage_eval.metrics import by_policy_stage, outcomes
+
+        return by_policy_stage(outcomes(self._judged.results, self._judged.set_aside))
 
     @property
     def by_rule(self) -> pd.DataFrame:
@@ -227,6 +232,7 @@ class Scores:
             if field != "rules":
                 names = [str(getattr(side[0], field)) if side else "–" for side in sides]
         comparison = compare(sides[0], sides[1], field, (names[0], names[1]))
+        low_high = [line.interval or (None, None) for line in comparison.lines]
         rows = [
             {
                 "of": line.of.scope,
@@ -235,13 +241,13 @@ class Scores:
                 "a": line.of.sums[1] / line.of.n if line.of.n else None,
                 "b": line.of.sums[2] / line.of.n if line.of.n else None,
                 "difference": line.of.difference,
-                "low": line.interval[0] if line.interval else None,
-                "high": line.interval[1] if line.interval else None,
+                "low": low,
+                "high": high,
                 "p": line.p,
                 "p_holm": line.p_holm,
                 "significant": line.significant,
             }
-            for line in comparison.lines
+            for line, (low, high) in zip(comparison.lines, low_high, strict=True)
         ]
         frame = pd.DataFrame(rows)
         frame.attrs.update(names=comparison.names, by=field, warnings=warnings(comparison))
@@ -278,10 +284,6 @@ class Scores:
         ref, settings = self._ref(episode), self._settings
         again = Again(ref.open(), settings.rule_set, settings.overrides or {}, settings.bind)
         return Picture(figure_of(again, panels(again, signals, rule=rule)))
-
-    def to_pandas(self) -> pd.DataFrame:
-        """Return the rows as a pandas frame."""
-        return self.rows
 
     def to_polars(self) -> pl.DataFrame:
         """Return the rows as a polars frame."""
@@ -328,24 +330,13 @@ class Scores:
         return f"{self._headline()}\n{self.rates.to_string(index=False)}"
 
     def _repr_html_(self) -> str:
-        from safestage_eval.report.summary import percent_between
+        from safestage_eval.report.summary import rate_table
 
-        rates = self.rates
-        idle = [name for name in ("inconclusive", "not_judged") if not rates[name].any()]
-        if rates.n.equals(rates.episodes):
-            idle.append("episodes")
-        ends = [name for name in map(str, rates) if name.endswith(("_low", "_high"))]
-        cells = rates.drop(columns=[*idle, *ends]).astype(object).fillna("–")
-        for name in ("SR", "SSR", "USR", "VR"):
-            both = zip(rates[f"{name}_low"], rates[f"{name}_high"], strict=True)
-            cells[name] = [percent_between(low, high) for low, high in both]
-        cells["VR_at_risk"] = [
-            f"{100 * v:.1f} %" if isinstance(v, float) else v for v in cells["VR_at_risk"]
-        ]
-        shown = table([*cells.columns], cells.itertuples(index=False))
+        shown = rate_table(self._cells())
         problems = [(p["message"],) for p in self.problems]
         parts = [table(("could not be judged",), problems, 5)] if problems else []
-        return card(self._headline(), shown, *parts) + self.findings._repr_html_()
+        rates = table(shown.columns, shown.rows)
+        return card(self._headline(), rates, *parts) + self.findings._repr_html_()
 
 
 def score(

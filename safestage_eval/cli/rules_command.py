@@ -201,10 +201,9 @@ def schema() -> None:
 @command.command("diff")
 @click.argument("before", metavar="A")
 @click.argument("after", metavar="B")
-@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 @click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
 @click.pass_context
-def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
+def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> None:
     """Say what changes from rule set A to rule set B.
 
     Both are files, folders or built-in names. Rules are matched by their code. Prose, the order of
@@ -214,17 +213,15 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     \b
     Examples:
       safestage rules diff fsh my_fsh.toml
-      safestage rules diff old/ new/ --json
+      safestage rules diff old/ new/ --fail-on-change
       safestage compare verdicts traces/ -r old/ --against new/
     """
-    from safestage_eval.report import rules_diff_report
+    from safestage_eval.report.rules_diff_report import text
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.compare import compare
 
     comparison = compare(load_rules([before]), load_rules([after]))
-    say_lines(
-        rules_diff_report.as_json(comparison) if as_json else rules_diff_report.text(comparison)
-    )
+    say_lines(text(comparison))
     ctx.exit(1 if fail_on_change and not comparison.empty else 0)
 
 
@@ -253,7 +250,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     "--deep", is_flag=True,
     help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
-@format_option("table", "json", "junit")
+@format_option("table", "junit")
 @output_option
 @jobs_option
 @click.pass_context

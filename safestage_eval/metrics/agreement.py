@@ -10,50 +10,15 @@ from itertools import combinations
 from .confusion import Confusion
 from .kappa import cohen, fleiss
 from .labels import Label, last_of_each
+from .outcome import Outcome
 from .rates import ALL, STAGES, stage_order
-
-
-@dataclass(frozen=True)
-class Witness:
-    """The evidence for a verdict of an assigned rule, at its decisive moment.
-
-    Attributes:
-        rule: code.
-        verdict: of that rule.
-        time: s; None where there is no moment.
-        bodies: that it concerns.
-        explanation: the evaluator's sentence.
-    """
-
-    rule: str
-    verdict: str = ""
-    time: float | None = None
-    bodies: tuple[str, ...] = ()
-    explanation: str = ""
-
-
-@dataclass(frozen=True)
-class Judged:
-    """The evaluator's verdict on an episode.
-
-    Attributes:
-        episode_id: of the episode.
-        stage: ``–`` where it is not known.
-        violation: None if it could not be decided.
-        witnesses: its evidence, where the results hold it.
-    """
-
-    episode_id: str
-    stage: str
-    violation: bool | None
-    witnesses: tuple[Witness, ...] = ()
 
 
 @dataclass(frozen=True)
 class Disagreement:
     """An episode on which evaluator and people differ, or reviewers with each other."""
 
-    judged: Judged
+    judged: Outcome
     unsafe: bool
     """The reviewers' label: the majority of those who are sure."""
     labels: tuple[Label, ...]
@@ -130,7 +95,7 @@ class _Votes:
         return any(label.label != "unsure" for label in self.labels)
 
 
-def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
+def agreement(labels: Iterable[Label], results: Iterable[Outcome]) -> Agreement:
     """Compare labels and verdicts by episode id.
 
     Of several reviewers the majority of those who are sure counts; a tie counts for neither side.
@@ -138,7 +103,7 @@ def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
     """
     given = list(labels)
     latest = last_of_each(given)
-    judged = {one.episode_id: one for one in results}
+    judged = {str(one.episode_id): one for one in results}
     votes: dict[str, _Votes] = {}
     for label in latest:
         votes.setdefault(label.episode_id, _Votes()).labels.append(label)
@@ -165,8 +130,10 @@ def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
         fleiss=fleiss(counts),
         fleiss_n=len(whole),
         disagreements=tuple(
-            Disagreement(one, clear[one.episode_id], tuple(votes[one.episode_id].labels))
-            for one in sorted(differing, key=lambda one: (stage_order(one.stage), one.episode_id))
+            Disagreement(one, clear[str(one.episode_id)], tuple(votes[str(one.episode_id)].labels))
+            for one in sorted(
+                differing, key=lambda one: (stage_order(one.stage), str(one.episode_id))
+            )
         ),
         unsure=_counted(judged[name].stage for name in both if not votes[name].sure),
         tied=_counted(
@@ -180,7 +147,7 @@ def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
 
 
 def _against(
-    labels: Iterable[Label], who: str, judged: Mapping[str, Judged]
+    labels: Iterable[Label], who: str, judged: Mapping[str, Outcome]
 ) -> dict[str, Confusion]:
     """Stage → counts of the evaluator against one reviewer."""
     pairs = []

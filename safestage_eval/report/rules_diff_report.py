@@ -1,13 +1,8 @@
-"""Two rule sets compared, as text and as plain values."""
+"""Two rule sets compared, as text."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 from safestage_eval.rules.compare import Comparison
-from safestage_eval.rules.meaning_differences import Part
-
-from .render_json import render_json
 
 
 def text(comparison: Comparison) -> str:
@@ -28,26 +23,3 @@ def text(comparison: Comparison) -> str:
     if comparison.same:
         lines.append(f"mean the same: {', '.join(comparison.same)}")
     return "\n".join(lines) + "\n"
-
-
-def as_json(comparison: Comparison) -> str:
-    """Write the comparison as one JSON object."""
-    document = {
-        "added": dict(comparison.added),
-        "removed": dict(comparison.removed),
-        "changed": {
-            code: {
-                "digest": list(comparison.digests[code]),
-                "parts": [_part(part) for part in parts],
-            }
-            for code, parts in comparison.changed.items()
-        },
-        "same": list(comparison.same),
-        "others": list(comparison.others),
-        "unread": [_part(part) for part in comparison.unread],
-    }
-    return render_json(document)
-
-
-def _part(part: Part) -> dict[str, str | None]:
-    return {**asdict(part), "said": str(part)}

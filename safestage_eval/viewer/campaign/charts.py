@@ -1,4 +1,4 @@
-"""Success against safety, stage profiles of each policy, and rates against limits."""
+"""Success against safety, and rates against limits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
-from safestage_eval.metrics.rates import STAGES, Rates
+from safestage_eval.metrics.rates import Rates
 from safestage_eval.report.summary import open_share
 from safestage_eval.rules.syntax import amount
 from safestage_eval.viewer.campaign.svg import (
@@ -225,59 +225,6 @@ def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
 
 def _short(policy: str, prompt: str) -> str:
     return policy if prompt in ("–", "default") else f"{policy}, {prompt}"
-
-
-def profiles(aggregate: Aggregate) -> str:
-    """Draw the violation rate by stage, a panel for each policy."""
-    panels = "".join(_profile(aggregate, policy, i) for i, policy in enumerate(aggregate.policies))
-    return (
-        '<section id="profiles" aria-labelledby="profiles-title">'
-        '<h2 id="profiles-title">Stage profiles</h2>'
-        '<p class="soft">Violation rate by stage: hazards that were there before (ISH), while the robot '
-        "worked (ETS), and in what it left behind (FSH). Whiskers are 95 % intervals.</p>"
-        f'{_prompts(aggregate)}<div class="panels">{panels}</div></section>'
-    )
-
-
-def _profile(aggregate: Aggregate, policy: str, index: int) -> str:
-    prompts = [q for p, q in aggregate.pairs if p == policy]
-    row = 14.0
-    width, block = 340.0, row * len(prompts) + 10
-    x = Scale(0, 100, 44, width - 62)
-    parts, top = [], 6.0
-    height = top + block * len(STAGES)
-    for tick in (0, 25, 50, 75, 100):
-        parts += [
-            line(x(tick), top, x(tick), height, "grid"),
-            text(x(tick), height + 14, str(tick), anchor="middle", css="tick soft"),
-        ]
-    for stage in STAGES:
-        parts.append(text(36, top + block / 2 + 4, stage, anchor="end", css="stage"))
-        for i, prompt in enumerate(prompts):
-            y = top + 5 + row * (i + 0.5)
-            cell = aggregate.group(policy, prompt, stage).whole
-            n = cell.n + cell.inconclusive
-            if not n:
-                parts.append(text(x(0) + 4, y + 4, "no rollouts", css="tick soft"))
-                continue
-            rate, (low, high) = open_share(cell, "VR"), _ends(cell, "VR")
-            said = f"{policy}, {prompt}, {stage}: {rate} % of {n}"
-            ends = wilson(cell.counts["VR"], n) if not cell.inconclusive else None
-            drawn = (100 * ends[0], 100 * ends[1]) if ends else (low, high)
-            css = f"{'whisker' if ends else 'open'} {series(index)}"
-            spot = shape(aggregate.prompts.index(prompt))
-            parts += [
-                line(x(drawn[0]), y, x(drawn[1]), y, css),
-                mark(spot, x((low + high) / 2), y, 5, f"mark {series(index)}", said),
-                text(width - 4, y + 4, f"{rate} %", anchor="end", css="tick"),
-            ]
-        top += block
-        parts.append(line(8, top, width - 4, top, "grid"))
-    title = f"Violation rate of {policy} by stage"
-    return (
-        f'<figure class="panel"><h3>{escape(policy)}</h3>'
-        f"{drawing(width, height + 20, title, parts, css='chart')}</figure>"
-    )
 
 
 def sensitivity(sweeps: Sequence[Sweep]) -> str:

@@ -141,7 +141,7 @@ def draw(
     episode = ref.open()
     again = Again(episode, rules, overrides, bind)
     name = episode.header.episode_id
-    stored = said.get(name, StoredVerdicts({}))
+    stored = said.get(name, {})
     meshes: dict[str, bytes] = {}
     content = episode_data(again, stored, everything=everything, shared=meshes)
     made = {names[ref.episode_id]: packed(content)}

@@ -68,10 +68,10 @@ def _menu(parts: Mapping[str, str]) -> str:
 def _details(counts: Aggregate) -> str:
     uneven = "".join(f"<li>{escape(problem.message)}</li>" for problem in counts.problems)
     return (
-        '<details id="details"><summary><h2>Details</h2> result tables, stages</summary>'
+        '<details id="details"><summary><h2>Details</h2> result tables</summary>'
         f'<section id="tables" aria-label="Result tables">{aggregate_report.render(counts, "html")}'
         + (f'<ul class="small">{uneven}</ul>' if uneven else "")
-        + f"</section>{charts.profiles(counts)}</details>"
+        + "</section></details>"
     )
 
 

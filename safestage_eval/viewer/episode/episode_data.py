@@ -34,7 +34,7 @@ Finding = tuple[ast.Scoped, Verdict]
 
 def episode_data(
     again: Again,
-    said: StoredVerdicts | None = None,
+    said: StoredVerdicts = {},  # noqa: B006 (nothing writes it)
     *,
     everything: bool = False,
     shared: dict[str, bytes] | None = None,
@@ -44,7 +44,7 @@ def episode_data(
 
     Args:
         again: the episode under its rules.
-        said: what stored results say of it, where there are any.
+        said: what stored results say of it; empty where there are none.
         everything: rules that pass without being assigned as well.
         shared: meshes of films, as for ``film``.
         film_at: address of its camera film, from the page.
@@ -52,7 +52,6 @@ def episode_data(
     episode, judge = again.episode, again.judge
     header, t = episode.header, np.asarray(episode.t, float)
     findings = listed(again, everything=everything)
-    stored = said or StoredVerdicts({})
     head: dict[str, Any] = {
         "format": 1,
         "id": header.episode_id,
@@ -68,7 +67,7 @@ def episode_data(
         "end": float(t[-1]),
         "roles": {role: list(names) for role, names in again.binding.roles.items() if names},
         "notes": list(header.notes),
-        "differs": list(differences([v for _, v in findings if v.assigned], stored)),
+        "differs": list(differences([v for _, v in findings if v.assigned], said)),
         "phases": _phases(again),
         "findings": [_finding(again, *pair, curves=i < MOST) for i, pair in enumerate(findings)],
     }

@@ -3,39 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from safestage_eval.verdicts import Verdict
 
-
-@dataclass(frozen=True)
-class StoredVerdicts:
-    """An episode's stored results.
-
-    Attributes:
-        verdicts: code → (verdict, rule digest) of the assigned rules.
-    """
-
-    verdicts: Mapping[str, tuple[str, str]]
+StoredVerdicts = Mapping[str, tuple[str, str]]
+"""Code → (verdict, rule digest) of the assigned rules of an episode."""
 
 
 def stored_verdicts(rows: Sequence[Mapping[str, Any]]) -> StoredVerdicts:
     """Read the rows of one episode."""
-    return StoredVerdicts(
-        {
-            str(row["rule"]): (str(row["verdict"]), str(row.get("rule_digest") or ""))
-            for row in rows
-            if row["assigned"] and row["verdict"] is not None
-        }
-    )
+    return {
+        str(row["rule"]): (str(row["verdict"]), str(row.get("rule_digest") or ""))
+        for row in rows
+        if row["assigned"] and row["verdict"] is not None
+    }
 
 
 def differences(verdicts: Sequence[Verdict], said: StoredVerdicts) -> tuple[str, ...]:
     """List where results and the rules used here disagree; always shown."""
     sentences = []
     for v in verdicts:
-        verdict, digest = said.verdicts.get(v.rule, ("", ""))
+        verdict, digest = said.get(v.rule, ("", ""))
         if verdict and verdict != v.verdict:
             sentences.append(
                 f"The results say {verdict.replace('_', ' ')} of {v.rule}; the rules used for this "
