@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError, did_you_mean
+from safestage_eval.report.result_rows import COLUMNS, KINDS
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.scores import Scores as Judged
 from safestage_eval.run.scores import deduplicate, titles
 from safestage_eval.run.settings import Settings, load_settings
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, format_quantity, in_si
 
-from .notebook_cards import Page, Picture, Text, card, table
+from .notebook_cards import Page, Picture, Text, card, facts, table, verdict, words
 from .notebook_episode import si_unit
-from .notebook_finding import Finding
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +28,97 @@ if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
     from safestage_eval.metrics import Rates
     from safestage_eval.metrics.paired import By
-    from safestage_eval.verdicts import EpisodeResult
+    from safestage_eval.verdicts import EpisodeResult, Verdict
+
+
+@dataclass(frozen=True, repr=False)
+class Finding:
+    """A violation of one rule in one episode, or a rule that could not be decided there.
+
+    Attributes:
+        episode_id: of the episode.
+        of: everything that is known of the verdict: ``intervals``, ``phase``, ``notes`` and more.
+    """
+
+    episode_id: str
+    of: Verdict
+    _scores: Scores = field(compare=False)
+
+    @property
+    def rule(self) -> str:
+        """Code of the rule."""
+        return self.of.rule
+
+    @property
+    def verdict(self) -> str:
+        """``violation`` or ``inconclusive``."""
+        return self.of.verdict
+
+    @property
+    def explanation(self) -> str:
+        """One sentence: the event that was seen, or why the rule cannot be decided."""
+        return self.of.explanation or self.of.title
+
+    @property
+    def time(self) -> float | None:
+        """Time at which it began, s."""
+        return self.of.time
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that it is about."""
+        return tuple(self.of.bodies)
+
+    @property
+    def signal(self) -> str | None:
+        """The measured signal with its bodies, as ``clearance(cup, vase)``."""
+        return self.of.signal
+
+    @property
+    def value(self) -> float | None:
+        """Value of the signal at the worst moment, in SI."""
+        return self.of.value
+
+    @property
+    def limit(self) -> float | None:
+        """Limit of the rule at the worst moment, in SI."""
+        return self.of.limit
+
+    @property
+    def unit(self) -> str:
+        """Unit of ``value`` and ``limit``: ``m``, ``N``, ``s``."""
+        return si_unit(self.of.dimension or "")
+
+    @property
+    def by_how_much(self) -> str:
+        """How far it is beyond its limit, in words: ``5.4 cm``; empty where nothing was measured."""
+        if self.verdict != "violation" or self.of.margin is None or self.of.dimension is None:
+            return ""
+        return format_quantity(abs(self.of.margin), self.of.dimension)
+
+    def plot(self) -> Picture:
+        """Plot the signal that decides it, with its limit; as ``Scores.plot``."""
+        return self._scores.plot(self.episode_id, rule=self.rule)
+
+    def view(self) -> Page:
+        """Show the episode in 3-D; as ``Scores.view``."""
+        return self._scores.view(self.episode_id)
+
+    def __repr__(self) -> str:
+        """In one line."""
+        return f"<{self.episode_id}: {self.rule} {self.verdict}: {self.explanation}>"
+
+    def _repr_html_(self) -> str:
+        v, rows = self.of, dict[str, object]()
+        if v.time is not None and v.verdict == "violation":
+            rows["from"] = f"{v.time:.2f} s, {v.exposure_time:.2f} s in all"
+        if v.value is not None and v.limit is not None and v.dimension is not None:
+            value, limit = (format_quantity(number, v.dimension) for number in (v.value, v.limit))
+            rows[v.signal or "value"] = f"{value}; the limit is {limit}"
+        rows["bodies"] = ", ".join(v.bodies) or "–"
+        head = f"{self.episode_id}: {v.rule} {v.title}"
+        said = f"<p>{verdict(v.verdict)} {words(self.explanation)}</p>"
+        return card(head, said, facts(rows))
 
 
 class Findings(tuple[Finding, ...]):
@@ -76,8 +168,6 @@ class Scores:
         Truths and whole numbers are of pandas' kinds that may be missing.
         """
         from safestage_eval.report.result_rows import rows
-
-        from .result_frame import result_frame
 
         frame = result_frame(rows(self._judged))
         frame.attrs["problems"] = self.problems
@@ -291,8 +381,6 @@ class Scores:
 
         from safestage_eval.report.result_rows import COLUMNS, rows
 
-        from .result_frame import in_si_units
-
         return pl.DataFrame(
             [in_si_units(row) for row in rows(self._judged)],
             schema=list(COLUMNS), infer_schema_length=None,
@@ -409,3 +497,29 @@ def _with_unit(specs: Sequence[str | Path], name: str, value: str | float) -> st
     params = load_rules(specs).params if not isinstance(value, str) else {}
     unit = si_unit(dimension_of(params[name])) if name in params else ""
     return f"{value} {unit}".strip()
+
+
+DTYPES = {"integer": "Int64", "boolean": "boolean", "number": "float64"}
+"""Kind of a column → type; ``rows[rows.violation]`` takes an unknown truth as false."""
+
+
+def in_si_units(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with value, limit and margin in SI; their unit says so."""
+    unit = row["unit"]
+    if unit not in UNIT_DIMENSION:
+        return dict(row)
+    dimension = UNIT_DIMENSION[unit]
+    converted = {**row, "unit": si_unit(dimension)}
+    for name in ("value", "limit"):
+        converted[name] = None if row[name] is None else in_si(row[name], unit)
+    if row["margin"] is not None:
+        converted["margin"] = row["margin"] * DIMENSIONS[dimension][unit]
+    return converted
+
+
+def result_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Rows of ``report.result_rows``, columns of the kinds that these have."""
+    import pandas as pd
+
+    frame = pd.DataFrame([in_si_units(row) for row in rows], columns=list(COLUMNS))
+    return frame.astype({name: DTYPES[kind] for name, kind in KINDS.items() if kind in DTYPES})

@@ -216,12 +216,12 @@ def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> N
       safestage rules diff old/ new/ --fail-on-change
       safestage compare verdicts traces/ -r old/ --against new/
     """
-    from safestage_eval.report.rules_diff_report import text
+    from safestage_eval.report.rule_report import difference_text
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.compare import compare
 
     comparison = compare(load_rules([before]), load_rules([after]))
-    say_lines(text(comparison))
+    say_lines(difference_text(comparison))
     ctx.exit(1 if fail_on_change and not comparison.empty else 0)
 
 
@@ -240,13 +240,6 @@ def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> N
     help="Mutate each rule in one place at a time and list the mutants that no example detects.",
 )  # fmt: skip
 @click.option(
-    "--kind", "kinds", multiple=True,
-    type=click.Choice(
-        ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
-    ),
-    help="With --mutate: make only mutants of this kind. Repeatable.",
-)  # fmt: skip
-@click.option(
     "--deep", is_flag=True,
     help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
@@ -260,7 +253,6 @@ def test(
     traces: tuple[str, ...],
     least: int | None,
     mutate: bool,
-    kinds: tuple[str, ...],
     deep: bool,
     form: str,
     output: Path | None,
@@ -299,8 +291,8 @@ def test(
     Exit code 0: all as expected. 1: an example is wrong or missing, a rule has too few, or a
     mutant goes undetected. 2: bad usage, or a rule file that is not sound.
     """
-    if (deep or kinds) and not mutate:
-        raise click.UsageError("--kind and --deep go with --mutate")
+    if deep and not mutate:
+        raise click.UsageError("--deep goes with --mutate")
     from safestage_eval.formats import discover
     from safestage_eval.report import examples_report
     from safestage_eval.rules import load_rules
@@ -315,7 +307,7 @@ def test(
             sets,
             recorded,
             least=(1 if rules else 2) if least is None else least,
-            kinds=(kinds or KINDS) if mutate else (),
+            kinds=KINDS if mutate else (),
             deep=deep,
             jobs=jobs,
             progress=tell,

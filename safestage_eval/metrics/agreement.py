@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from .confusion import Confusion
-from .kappa import cohen, fleiss
+from .confusion import Confusion, cohen, fleiss
 from .labels import Label, last_of_each
 from .outcome import Outcome
 from .rates import ALL, STAGES, stage_order

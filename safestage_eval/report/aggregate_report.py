@@ -9,7 +9,7 @@ from typing import Any
 from safestage_eval._text.plural import count, first_few
 from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
-from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
+from safestage_eval.metrics.interval import bootstrap, wilson
 from safestage_eval.metrics.rates import ALL, CONDITIONS, STAGES, headline
 from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
@@ -27,11 +27,10 @@ from .table import Table
 
 @dataclass(frozen=True)
 class Drawing:
-    """Intervals shown in the tables, and the bootstrap's settings."""
+    """Intervals shown in the tables, and the bootstrap's seed."""
 
     intervals: str = "none"
     seed: int = 0
-    resamples: int = RESAMPLES
 
 
 def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
@@ -270,7 +269,7 @@ def _details(rate: Rate, drawing: Drawing) -> dict[str, Any]:
     whole = rate.group.whole
     return {
         "wilson": _percent(wilson(rate.k, rate.n)),
-        "bootstrap": _percent(bootstrap(rate, drawing.seed, drawing.resamples)),
+        "bootstrap": _percent(bootstrap(rate, drawing.seed)),
         "bounds": None if rate.bounds is None else list(rate.bounds),
         "inconclusive": whole.inconclusive,
         "not_judged": whole.not_judged,
@@ -288,7 +287,7 @@ def _cell(rate: Rate, drawing: Drawing) -> str:
     if drawing.intervals == "none" or rate.mean is None:
         return text
     if drawing.intervals == "bootstrap":
-        drawn = bootstrap(rate, drawing.seed, drawing.resamples)
+        drawn = bootstrap(rate, drawing.seed)
         if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread
             ends = drawn
     pair = _percent(ends)

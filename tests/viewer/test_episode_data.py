@@ -9,9 +9,8 @@ from moving import path_of, pushed
 from safestage_eval.evidence.intervals import exact
 from safestage_eval.units import in_unit
 from safestage_eval.verdicts.curves import Curve
-from safestage_eval.viewer.episode.episode_data import episode_data, looks
+from safestage_eval.viewer.episode.episode_data import differences, episode_data, looks
 from safestage_eval.viewer.episode.measured_curves import curve_data
-from safestage_eval.viewer.episode.stored_verdicts import differences
 
 
 @pytest.fixture

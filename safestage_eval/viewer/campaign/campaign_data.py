@@ -16,7 +16,7 @@ from safestage_eval.run.score_many import score_many
 from safestage_eval.run.settings import Settings, load_settings
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.viewer.episode.stored_verdicts import stored_verdicts
+from safestage_eval.viewer.episode.episode_data import stored_verdicts
 
 from .episode_pieces import pieces
 from .overview import Report
@@ -199,7 +199,7 @@ def judged(
 
     results = score_many(refs, settings=settings, jobs=jobs, progress=counting_from(0))
     problems = tuple(result for result in results if isinstance(result, Problem))
-    own = {r.episode_id: r.rows() for r in results if isinstance(r, EpisodeResult)}
+    own: Rows = {r.episode_id: [*r.rows()] for r in results if isinstance(r, EpisodeResult)}
     if not own:
         raise InputError(source, f"no episode can be judged: {problems[0].message}")
     rows = [row for some in own.values() for row in some]

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
+from urllib.parse import quote
 
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.aggregate import Aggregate
+from safestage_eval.metrics.interval import wilson
+from safestage_eval.metrics.rates import METRICS, Rates
 from safestage_eval.report import aggregate_report
+from safestage_eval.report.summary import coverage, percent_between, summary, unsafe_successes
 from safestage_eval.version import __version__
 
-from . import charts, headline, heatmap, rules_broken
+from . import charts, heatmap
 from .episode_pieces import Pieces
 
 
@@ -46,9 +51,9 @@ def overview(report: Report) -> list[str]:
     counts = report.counts
     sweeps = report.pieces.sweeps if report.pieces is not None else ()
     parts = {
-        "Headline": headline.headline(counts),
+        "Headline": headline(counts),
         "Success and safety": charts.success_and_safety(counts),
-        "Rules broken most": rules_broken.rules_broken(report.rows, report.titles),
+        "Rules broken most": rules_broken(report.rows, report.titles),
         "Tasks": heatmap.heatmap(counts),
         "Thresholds": charts.sensitivity(sweeps),
         "Details": _details(counts),
@@ -116,3 +121,92 @@ def _footer(report: Report) -> str:
     made += f"; results of version {', '.join(versions)}." if versions else "."
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<footer><h2>How to read this</h2><ul>{items}</ul><p class="small">{escape(made)}</p></footer>'
+
+
+WORDS = {
+    "SR": ("Success rate", "reached the goal"),
+    "SSR": ("Safe success rate", "reached it, and broke no rule"),
+    "USR": ("Unsafe success rate", "reached it, and broke a rule"),
+    "VR": ("Violation rate", "broke a rule, whether they reached the goal or not"),
+}
+"""Metric → its name, and what counts."""
+
+
+def interval(k: int, n: int) -> str:
+    """Wilson's 95 % interval of k of n."""
+    bounds = wilson(k, n)
+    return "–" if bounds is None else f"{100 * bounds[0]:.1f}–{100 * bounds[1]:.1f} %"
+
+
+def headline(aggregate: Aggregate) -> str:
+    """Write what became of the successes, then a tile for each rate."""
+    whole = aggregate.whole
+    tiles = "".join(_tile(whole, metric) for metric in METRICS)
+    said = " · ".join(unsafe_successes(whole)) or coverage(whole)
+    items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
+    return (
+        '<section id="headline" aria-labelledby="headline-title">'
+        '<h2 id="headline-title" class="visually-hidden">Headline</h2>'
+        f'<p class="lead">{escape(said)}</p><dl class="tiles">{tiles}</dl>'
+        f'<p class="small soft">{escape(coverage(whole))}.</p>'
+        + (f'<ul class="small soft">{items}</ul>' if items else "")
+        + "</section>"
+    )
+
+
+def _tile(whole: Rates, metric: str) -> str:
+    """A rate over all that were judged: an interval where some are undecided."""
+    name, meaning = WORDS[metric]
+    total, surely = whole.n + whole.inconclusive, whole.counts[metric] + whole.surely[metric]
+    open_ = whole.maybe[metric] - whole.surely[metric]
+    of_all = f"{surely:,} of {total:,} {meaning}" + (f", {open_:,} undecided" if open_ else "")
+    below = "" if open_ else f"95 % interval {interval(surely, total)}"
+    return (
+        f'<div class="tile {metric.lower()}"><dt>{name} <abbr>{metric}</abbr></dt>'
+        f'<dd><span class="big">{percent_between(*(whole.bounds(metric) or (None, None)))}</span>'
+        f'<span class="soft">{of_all}</span><span class="soft">{below}</span></dd></div>'
+    )
+
+
+SHOWN_RULES = 12
+"""Rules that are listed."""
+
+
+def rules_broken(rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> str:
+    """A row per rule that its episodes violate, the one with most violations first; empty without any."""
+    found: dict[str, Counter[str]] = {}
+    for row in rows:
+        if row.get("assigned") and row.get("verdict") is not None:
+            found.setdefault(str(row["rule"]), Counter())[str(row["verdict"])] += 1
+    order = sorted(found, key=lambda rule: (-found[rule]["violation"], rule))
+    broken = [rule for rule in order if found[rule]["violation"]]
+    if not broken:
+        return ""
+    most = found[broken[0]]["violation"]
+    body = "".join(
+        _rule_row(rule, found[rule], titles.get(rule, ""), most) for rule in broken[:SHOWN_RULES]
+    )
+    more = len(broken) - SHOWN_RULES
+    return (
+        '<section id="rules" aria-labelledby="rules-title"><h2 id="rules-title">Rules broken most</h2>'
+        '<div class="scroll" tabindex="0" role="region" aria-label="Rules broken most"><table class="results rules">'
+        '<thead><tr><th scope="col">Rule</th><th scope="col">Asks</th><th scope="col" class="amount">Violated</th>'
+        '<th scope="col"><span class="visually-hidden">Share</span></th>'
+        f'<th scope="col" class="amount">Undecided</th></tr></thead><tbody>{body}</tbody></table></div>'
+        + (f'<p class="small soft">{more} more rules were violated.</p>' if more > 0 else "")
+        + "</section>"
+    )
+
+
+def _rule_row(rule: str, counts: Counter[str], title: str, most: int) -> str:
+    violated, asked = counts["violation"], counts.total() - counts["not_applicable"]
+    link = f"#rule={quote(rule)}&amp;verdict=violation"
+    bar = (
+        '<svg class="bar" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true">'
+        f'<rect class="q unsafe_success" width="{100 * violated / most:.1f}" height="10"/></svg>'
+    )
+    return (
+        f'<tr><th scope="row"><a href="{link}">{escape(rule)}</a></th><td>{escape(title)}</td>'
+        f'<td class="amount"><a href="{link}">{violated:,} of {asked:,}</a></td><td>{bar}</td>'
+        f'<td class="amount">{counts["inconclusive"] or "–"}</td></tr>'
+    )
