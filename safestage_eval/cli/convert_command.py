@@ -192,8 +192,8 @@ Judged = tuple[Sequence[Any], Sequence[Any]]
 def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
     """Verdicts on an episode, as events, and as ``curves`` with limits."""
     from safestage_eval.errors import InputError
+    from safestage_eval.report.episode_report import events
     from safestage_eval.report.signal_plot import panels
-    from safestage_eval.report.verdict_events import events
     from safestage_eval.rules import parse_overrides
     from safestage_eval.verdicts import judge
     from safestage_eval.whatif.judge_again import Again

@@ -8,8 +8,7 @@ from typing import Any
 
 from safestage_eval._text.plural import first_few
 from safestage_eval._text.printable import printable
-from safestage_eval.metrics.agreement import Agreement, Disagreement
-from safestage_eval.metrics.confusion import Confusion
+from safestage_eval.metrics.agreement import Agreement, Confusion, Disagreement
 from safestage_eval.metrics.outcome import Witness
 from safestage_eval.metrics.rates import ALL
 from safestage_eval.version import __version__

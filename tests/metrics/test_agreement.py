@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from statsmodels.stats import inter_rater
 from statsmodels.stats.proportion import proportion_confint
 
-from safestage_eval.metrics.agreement import agreement
-from safestage_eval.metrics.confusion import Confusion, cohen, fleiss
+from safestage_eval.metrics.agreement import Confusion, agreement, cohen, fleiss
 from safestage_eval.metrics.labels import Label
 from safestage_eval.metrics.outcome import Outcome
 
