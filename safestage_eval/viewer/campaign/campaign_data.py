@@ -10,7 +10,7 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.metrics import aggregate, outcomes_of, read_outcomes
-from safestage_eval.metrics.read_rows import read_rows
+from safestage_eval.metrics.read_rows import each_row
 from safestage_eval.rules import builtin_names
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.settings import Settings, load_settings
@@ -20,7 +20,7 @@ from safestage_eval.viewer.episode.episode_data import stored_verdicts
 
 from .episode_pieces import pieces
 from .overview import Report
-from .run_list import RANK, Rows, by_episode, worst
+from .run_list import RANK, Row, Rows, by_episode, is_told, worst
 
 COLUMNS = (
     "episode_id", "task", "stage", "policy", "prompt", "seed", "rollout", "success", "rule", "assigned",
@@ -58,7 +58,7 @@ def compose(
         TraceError: nothing was found where traces should be.
     """
     outcomes = read_outcomes([results])[""]
-    rows = read_rows(results, COLUMNS, ALLOWED)
+    rows = _rows(results)
     told = bool(rows) and "rule" in rows[0]
     report = Report(
         title or "Safety report",
@@ -82,10 +82,21 @@ def compose(
 
 def rows_by_episode(results: str | Path) -> Rows:
     """The result rows of a file, by episode id. Raises InputError for one without episodes."""
-    rows = read_rows(results, COLUMNS, ALLOWED)
+    rows = _rows(results)
     if rows and "rule" not in rows[0]:
         raise InputError(str(results), "names no episodes.", "results of safestage score")
     return by_episode(rows)
+
+
+def _rows(results: str | Path) -> list[Row]:
+    """The rows that are shown, and one at least of every episode: of 300,000 that is a twentieth."""
+    seen, kept = set(), []
+    for row in each_row(results, COLUMNS, ALLOWED):
+        name = row.get("episode_id")
+        if name not in seen or ("rule" in row and is_told(row)):
+            seen.add(name)
+            kept.append(row)
+    return kept
 
 
 def evidence(

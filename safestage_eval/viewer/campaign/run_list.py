@@ -61,7 +61,7 @@ def judge(tables: Mapping[str, Table], place: int, rows: Sequence[Row]) -> None:
     if (success := truth(rows[0].get("success"), episodes["id"][place], "success")) is not None:
         episodes["success"][place] = success
     for row in sorted(rows, key=_by_cause):
-        if _is_told(row):
+        if is_told(row):
             _append(findings, _finding(row, episodes["id"][place]) | {"of": place})
 
 
@@ -125,7 +125,8 @@ def _by_cause(row: Row) -> tuple[bool, int, bool, float]:
     return not row["assigned"], rank, follows, 0.0 if time is None else time
 
 
-def _is_told(row: Row) -> bool:
+def is_told(row: Row) -> bool:
+    """Whether a row is in the list: of a rule that counts, or violated."""
     return row["verdict"] is not None and bool(row["assigned"] or row["verdict"] == "violation")
 
 
