@@ -90,7 +90,8 @@ def rows_by_episode(results: str | Path) -> Rows:
 
 def _rows(results: str | Path) -> list[Row]:
     """The rows that are shown, and one at least of every episode: of 300,000 that is a twentieth."""
-    seen, kept = set(), []
+    seen: set[Any] = set()
+    kept: list[Row] = []
     for row in each_row(results, COLUMNS, ALLOWED):
         name = row.get("episode_id")
         if name not in seen or ("rule" in row and is_told(row)):
