@@ -22,7 +22,10 @@ from safestage_eval.units import format_quantity
 from safestage_eval.verdicts.ask import ask
 
 ENOUGH = 6
-"""Scenes of one cast that are measured before two of them are chosen."""
+"""Scenes of one cast that are measured before two of them are chosen …"""
+
+LOOKED_AT = 20
+"""… or as many as there are among the first so many scenes, if these are two."""
 
 RULE = """\
 # A rule about {name}: {meaning}
@@ -134,7 +137,9 @@ def _limits(
 def _scenes(spec: Signal, op: str) -> tuple[tuple[str, ...], Measured, Measured]:
     """The roles of a rule, and two scenes that differ in the signal: the one that is kept apart and the other."""
     measured: dict[tuple[str, ...], list[Measured]] = {}
-    for roles, scene in _measured(spec, op):
+    for number, (roles, scene) in enumerate(_measured(spec, op)):
+        if number >= LOOKED_AT and max(map(len, measured.values())) > 1:
+            break
         cast = measured.setdefault(roles, [])
         if all(abs(one.worst - scene.worst) > 0.1 * abs(scene.worst) + 1e-3 for one in cast):
             cast.append(scene)

@@ -29,7 +29,7 @@ def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, 
     if not SIGNALS[name].capped:
         return 0.0, False, 0.0
     deep = min(limits, default=1.0) <= 0
-    return max(reach, CAP), deep, SLACK if limits and not deep else 0.0
+    return max(reach, CAP), deep, SLACK if limits else 0.0
 
 
 def loose(found: Interval, cap: float) -> Clearance:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .penetration import penetration_depth
+from .penetration import penetration_depths
 from .shape import BOX, PLANE, Solids
 from .support import support_points, support_values
 
@@ -79,13 +79,13 @@ class Pairs:
         return out
 
 
-def distances(pairs: Pairs, stop: F64, deep: bool) -> tuple[F64, F64]:
+def distances(pairs: Pairs, stop: F64, deep: float | None) -> tuple[F64, F64]:
     """Bounds (N,) m on signed distances, margins included; planes too.
 
     They are at most PROMISED apart unless cores meet or the distance is above ``stop`` (N,). Where
     cores meet, the signed distance is minus the penetration depth, the length of the shortest move
     that parts the two: known to PROMISED for boxes, capsules and spheres; for all others to
-    DEPTH_TOLERANCE if ``deep``, and else only to be at most minus the sum of the margins and at
+    ``deep`` (m), and without only to be at most minus the sum of the margins and at
     least minus the smallest overlap found.
     """
     kind, margins = pairs.solids.kind, pairs.solids.margin[pairs.a] + pairs.solids.margin[pairs.b]
@@ -103,20 +103,15 @@ def distances(pairs: Pairs, stop: F64, deep: bool) -> tuple[F64, F64]:
         low[meet] = -overlap
         exact = (kind[met.a] <= BOX) & (kind[met.b] <= BOX)
         high[meet[exact]] = -overlap[exact]
-        for n in np.flatnonzero(~exact & (overlap > -bar[meet])) if deep else ():
-            shallow, most = _depth(met, int(n), float(overlap[n]), float(-bar[meet[n]]))
-            low[meet[n]], high[meet[n]] = -most, -shallow
+        todo = np.flatnonzero(~exact & (overlap > -bar[meet]))
+        if deep is not None and len(todo):
+            shallow, most = penetration_depths(
+                lambda n, way: met.at(todo[n]).farthest(way),
+                overlap[todo], -bar[meet[todo]], deep, flat=pairs.flat,
+            )  # fmt: skip
+            low[meet[todo]], high[meet[todo]] = -most, -shallow
     lower[rows], upper[rows] = low - margins[rows], high - margins[rows]
     return lower, upper
-
-
-def _depth(pairs: Pairs, n: int, upper: float, enough: float) -> tuple[float, float]:
-    """Bounds m on the depth of one of the pairs; as ``penetration_depth``."""
-
-    def farthest(direction: F64) -> F64:
-        return pairs.at(np.full(len(direction), n)).farthest(direction)
-
-    return penetration_depth(farthest, upper, enough, flat=pairs.flat)
 
 
 def _core_distances(pairs: Pairs, stop: F64) -> tuple[F64, F64]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .gjk import PROMISED, Pairs, distances
 from .mover import Mover, frame_count
+from .penetration import DEPTH_TOLERANCE
 from .pose import matrix
 from .shape import stacked
 from .surface import surface_distance
@@ -72,7 +73,7 @@ def clearance_series(
     Returns:
         (T,) bounds. Where bodies penetrate, the signed distance is minus the depth of the deepest
         pair of geoms; the depth of a pair is the length of the shortest move that parts the two.
-        It is held to 1e-7 m if ``deep``; if not, it lies anywhere between the bounds.
+        It is held to 1e-7 m, or the slack, if ``deep``; if not, it lies anywhere between the bounds.
 
     Raises:
         ValueError: two bodies' lengths contradict each other.
@@ -227,6 +228,7 @@ def _measure(
             solids, a, b, first @ solids.rotation[a], second @ solids.rotation[b], apart, flat
         )
 
+    tolerance = max(slack, DEPTH_TOLERANCE) if deep else None
     found, limit = [], limits()
     for n, pair in enumerate(near):
         many = len(pair.a.shape), len(pair.b.shape)
@@ -246,7 +248,7 @@ def _measure(
         limit = limits()
         use = some & (queries.bound < limit[queries.leader])
         leader, a, b = queries.leader[use], queries.a[use], queries.b[use]
-        low, high = distances(pairs_of(leader, a, b), limit[leader], deep)
+        low, high = distances(pairs_of(leader, a, b), limit[leader], tolerance)
         lower, upper = np.full(start[-1], np.inf), np.full(start[-1], np.inf)
         np.minimum.at(lower, leader, low)
         np.minimum.at(upper, leader, np.where(low < limit[leader], high, np.inf))

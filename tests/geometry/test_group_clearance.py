@@ -52,7 +52,7 @@ def plain(a: Sequence[Mover], b: Sequence[Mover]) -> Clearance:
                 solids, np.full(frames, g), np.full(frames, h), turns[0] @ solids.rotation[g],
                 turns[1] @ solids.rotation[h], p[1] - p[0], flat=False,
             )  # fmt: skip
-            low, high = distances(pairs, np.full(frames, np.inf), deep=False)
+            low, high = distances(pairs, np.full(frames, np.inf), None)
             lower, upper = np.minimum(lower, low), np.minimum(upper, high)
     return Clearance(lower, upper)
 
