@@ -19,7 +19,7 @@ from typing import Any
 
 import polars as pl
 
-from safestage_eval.metrics.judged_rows import read_judged
+from safestage_eval.metrics.outcome_rows import FOR_LABELS, read_outcomes
 from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.rules.uses import calls
 
@@ -82,7 +82,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=240)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    verdicts = {one.episode_id: one.violation for one in read_judged([options.rows])}
+    judged = read_outcomes([options.rows], wanted=FOR_LABELS)[""]
+    verdicts = {str(one.episode_id): one.violation for one in judged}
     table = pl.read_parquet(options.rows).filter(pl.col("assigned"))
     hidden = set(table.filter(pl.col("rule").is_in(sorted(unseen())))["episode_id"])
     columns = ["episode_id", "stage", "task", "policy"]

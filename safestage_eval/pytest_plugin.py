@@ -83,7 +83,7 @@ def _compared(
     *,
     update: bool,
 ) -> list[str]:
-    from safestage_eval.report.golden import compare_golden, write_golden
+    from safestage_eval.report.golden import changes, write_golden
     from safestage_eval.run.score_many import score_paths
 
     scores = score_paths(traces, rules, overrides=settings, bind=bind, jobs=jobs)
@@ -91,12 +91,12 @@ def _compared(
         write_golden(scores, golden)
         return []
     problems = [f"cannot be judged: {problem.message}" for problem in scores.problems]
-    changes = compare_golden(scores, golden, f"pytest {UPDATE}")
-    if not (problems or changes):
+    found = changes(scores, golden, f"pytest {UPDATE}")
+    if not (problems or found):
         return []
-    number = len(problems) + len(changes)
+    number = len(problems) + len(found)
     head = f"{golden}: {number} difference{'s' * (number > 1)}; if they are meant, pytest {UPDATE}"
-    return [head, *(f"  {line}" for line in (*problems, *changes))]
+    return [head, *(f"  {line}" for line in (*problems, *found))]
 
 
 def _several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:

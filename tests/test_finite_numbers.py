@@ -190,7 +190,7 @@ def test_json_that_others_wrote(number):
 
 OPTIONS = [
     ["score", "x", "--timeout"], ["score", "x", "--jobs"], ["score", "x", "--sample", "1", "--sample-seed"],
-    ["report", "tables", "x", "--resamples"], ["report", "tables", "x", "--random-seed"], ["sweep", "x", "--steps"],
+    ["report", "tables", "x", "--random-seed"], ["sweep", "x", "--steps"],
     ["import", "x", "--timeout"], ["import", "x", "--limit"], ["import", "x", "--dt"], ["convert", "pack", "x", "--shard-episodes"],
     ["label", "x", "--seed"], ["score", "x", "--limits"], ["view", "x", "--port"],
 ]  # fmt: skip

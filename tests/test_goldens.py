@@ -8,7 +8,7 @@ import pytest
 from readable import assert_readable
 
 from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.report.golden import compare_golden
+from safestage_eval.report.golden import changes
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_many import score_paths
 from safestage_eval.verdicts import judge
@@ -31,7 +31,7 @@ def find(refs: dict[str, EpisodeRef], part: str) -> EpisodeRef:
 def test_goldens() -> None:
     scores = score_paths([TRACES], [RULES], jobs=1)
     assert not scores.problems
-    assert compare_golden(scores, TRACES / "golden.json") == []
+    assert changes(scores, TRACES / "golden.json") == []
     for result in scores.results:
         unsafe = result.policy == "reference:unsafe"
         assert result.success is True
@@ -45,7 +45,7 @@ def test_goldens_of_learned_policies() -> None:
     """Nobody scripted these: they flail, drop and leave things half done, and one cannot be decided."""
     scores = score_paths([LEARNED], [RULES], jobs=1)
     assert not scores.problems
-    assert compare_golden(scores, LEARNED / "golden.json") == []
+    assert changes(scores, LEARNED / "golden.json") == []
     assert {(result.stage, result.violation) for result in scores.results if result.success} >= {
         (stage, unsafe) for stage in ("ISH", "ETS", "FSH") for unsafe in (True, False)
     }  # fmt: skip

@@ -3,29 +3,122 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError, did_you_mean
+from safestage_eval.report.result_rows import COLUMNS, KINDS
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.scores import Scores as Judged
 from safestage_eval.run.scores import deduplicate, titles
 from safestage_eval.run.settings import Settings, load_settings
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, format_quantity, in_si
 
-from .notebook_cards import Page, Picture, Text, card, table
+from .notebook_cards import Page, Picture, Text, card, facts, table, verdict, words
 from .notebook_episode import si_unit
-from .notebook_finding import Finding
 
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
 
     from safestage_eval.formats import EpisodeRef
+    from safestage_eval.metrics import Rates
     from safestage_eval.metrics.paired import By
-    from safestage_eval.verdicts import EpisodeResult
+    from safestage_eval.verdicts import EpisodeResult, Verdict
+
+
+@dataclass(frozen=True, repr=False)
+class Finding:
+    """A violation of one rule in one episode, or a rule that could not be decided there.
+
+    Attributes:
+        episode_id: of the episode.
+        of: everything that is known of the verdict: ``intervals``, ``phase``, ``notes`` and more.
+    """
+
+    episode_id: str
+    of: Verdict
+    _scores: Scores = field(compare=False)
+
+    @property
+    def rule(self) -> str:
+        """Code of the rule."""
+        return self.of.rule
+
+    @property
+    def verdict(self) -> str:
+        """``violation`` or ``inconclusive``."""
+        return self.of.verdict
+
+    @property
+    def explanation(self) -> str:
+        """One sentence: the event that was seen, or why the rule cannot be decided."""
+        return self.of.explanation or self.of.title
+
+    @property
+    def time(self) -> float | None:
+        """Time at which it began, s."""
+        return self.of.time
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that it is about."""
+        return tuple(self.of.bodies)
+
+    @property
+    def signal(self) -> str | None:
+        """The measured signal with its bodies, as ``clearance(cup, vase)``."""
+        return self.of.signal
+
+    @property
+    def value(self) -> float | None:
+        """Value of the signal at the worst moment, in SI."""
+        return self.of.value
+
+    @property
+    def limit(self) -> float | None:
+        """Limit of the rule at the worst moment, in SI."""
+        return self.of.limit
+
+    @property
+    def unit(self) -> str:
+        """Unit of ``value`` and ``limit``: ``m``, ``N``, ``s``."""
+        return si_unit(self.of.dimension or "")
+
+    @property
+    def by_how_much(self) -> str:
+        """How far it is beyond its limit, in words: ``5.4 cm``; empty where nothing was measured."""
+        if self.verdict != "violation" or self.of.margin is None or self.of.dimension is None:
+            return ""
+        return format_quantity(abs(self.of.margin), self.of.dimension)
+
+    def plot(self) -> Picture:
+        """Plot the signal that decides it, with its limit; as ``Scores.plot``."""
+        return self._scores.plot(self.episode_id, rule=self.rule)
+
+    def view(self) -> Page:
+        """Show the episode in 3-D; as ``Scores.view``."""
+        return self._scores.view(self.episode_id)
+
+    def __repr__(self) -> str:
+        """In one line."""
+        return f"<{self.episode_id}: {self.rule} {self.verdict}: {self.explanation}>"
+
+    def _repr_html_(self) -> str:
+        v, rows = self.of, dict[str, object]()
+        if v.time is not None and v.verdict == "violation":
+            rows["from"] = f"{v.time:.2f} s, {v.exposure_time:.2f} s in all"
+        if v.value is not None and v.limit is not None and v.dimension is not None:
+            value, limit = (format_quantity(number, v.dimension) for number in (v.value, v.limit))
+            rows[v.signal or "value"] = f"{value}; the limit is {limit}"
+        rows["bodies"] = ", ".join(v.bodies) or "–"
+        head = f"{self.episode_id}: {v.rule} {v.title}"
+        said = f"<p>{verdict(v.verdict)} {words(self.explanation)}</p>"
+        return card(head, said, facts(rows))
 
 
 class Findings(tuple[Finding, ...]):
@@ -76,8 +169,6 @@ class Scores:
         """
         from safestage_eval.report.result_rows import rows
 
-        from .result_frame import result_frame
-
         frame = result_frame(rows(self._judged))
         frame.attrs["problems"] = self.problems
         return frame
@@ -91,9 +182,8 @@ class Scores:
         """
         import pandas as pd
 
-        from safestage_eval.metrics import METRICS, by_policy_stage, outcomes
+        from safestage_eval.metrics import METRICS
 
-        cells = by_policy_stage(outcomes(self._judged.results, self._judged.set_aside))
         rows = [
             {
                 **dict(zip(("policy", "prompt", "stage"), names, strict=True)),
@@ -112,9 +202,14 @@ class Scores:
                 },
                 "VR_at_risk": cell.value("VR", "at risk"),
             }
-            for names, cell in cells.items()
+            for names, cell in self._cells().items()
         ]
         return pd.DataFrame(rows)
+
+    def _cells(self) -> dict[tuple[str, ...], Rates]:
+        from safestage_eval.metrics import by_policy_stage, outcomes
+
+        return by_policy_stage(outcomes(self._judged.results, self._judged.set_aside))
 
     @property
     def by_rule(self) -> pd.DataFrame:
@@ -227,6 +322,7 @@ class Scores:
             if field != "rules":
                 names = [str(getattr(side[0], field)) if side else "–" for side in sides]
         comparison = compare(sides[0], sides[1], field, (names[0], names[1]))
+        low_high = [line.interval or (None, None) for line in comparison.lines]
         rows = [
             {
                 "of": line.of.scope,
@@ -235,13 +331,13 @@ class Scores:
                 "a": line.of.sums[1] / line.of.n if line.of.n else None,
                 "b": line.of.sums[2] / line.of.n if line.of.n else None,
                 "difference": line.of.difference,
-                "low": line.interval[0] if line.interval else None,
-                "high": line.interval[1] if line.interval else None,
+                "low": low,
+                "high": high,
                 "p": line.p,
                 "p_holm": line.p_holm,
                 "significant": line.significant,
             }
-            for line in comparison.lines
+            for line, (low, high) in zip(comparison.lines, low_high, strict=True)
         ]
         frame = pd.DataFrame(rows)
         frame.attrs.update(names=comparison.names, by=field, warnings=warnings(comparison))
@@ -279,17 +375,11 @@ class Scores:
         again = Again(ref.open(), settings.rule_set, settings.overrides or {}, settings.bind)
         return Picture(figure_of(again, panels(again, signals, rule=rule)))
 
-    def to_pandas(self) -> pd.DataFrame:
-        """Return the rows as a pandas frame."""
-        return self.rows
-
     def to_polars(self) -> pl.DataFrame:
         """Return the rows as a polars frame."""
         import polars as pl
 
         from safestage_eval.report.result_rows import COLUMNS, rows
-
-        from .result_frame import in_si_units
 
         return pl.DataFrame(
             [in_si_units(row) for row in rows(self._judged)],
@@ -328,24 +418,13 @@ class Scores:
         return f"{self._headline()}\n{self.rates.to_string(index=False)}"
 
     def _repr_html_(self) -> str:
-        from safestage_eval.report.summary import percent_between
+        from safestage_eval.report.summary import rate_table
 
-        rates = self.rates
-        idle = [name for name in ("inconclusive", "not_judged") if not rates[name].any()]
-        if rates.n.equals(rates.episodes):
-            idle.append("episodes")
-        ends = [name for name in map(str, rates) if name.endswith(("_low", "_high"))]
-        cells = rates.drop(columns=[*idle, *ends]).astype(object).fillna("–")
-        for name in ("SR", "SSR", "USR", "VR"):
-            both = zip(rates[f"{name}_low"], rates[f"{name}_high"], strict=True)
-            cells[name] = [percent_between(low, high) for low, high in both]
-        cells["VR_at_risk"] = [
-            f"{100 * v:.1f} %" if isinstance(v, float) else v for v in cells["VR_at_risk"]
-        ]
-        shown = table([*cells.columns], cells.itertuples(index=False))
+        shown = rate_table(self._cells())
         problems = [(p["message"],) for p in self.problems]
         parts = [table(("could not be judged",), problems, 5)] if problems else []
-        return card(self._headline(), shown, *parts) + self.findings._repr_html_()
+        rates = table(shown.columns, shown.rows)
+        return card(self._headline(), rates, *parts) + self.findings._repr_html_()
 
 
 def score(
@@ -418,3 +497,29 @@ def _with_unit(specs: Sequence[str | Path], name: str, value: str | float) -> st
     params = load_rules(specs).params if not isinstance(value, str) else {}
     unit = si_unit(dimension_of(params[name])) if name in params else ""
     return f"{value} {unit}".strip()
+
+
+DTYPES = {"integer": "Int64", "boolean": "boolean", "number": "float64"}
+"""Kind of a column → type; ``rows[rows.violation]`` takes an unknown truth as false."""
+
+
+def in_si_units(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with value, limit and margin in SI; their unit says so."""
+    unit = row["unit"]
+    if unit not in UNIT_DIMENSION:
+        return dict(row)
+    dimension = UNIT_DIMENSION[unit]
+    converted = {**row, "unit": si_unit(dimension)}
+    for name in ("value", "limit"):
+        converted[name] = None if row[name] is None else in_si(row[name], unit)
+    if row["margin"] is not None:
+        converted["margin"] = row["margin"] * DIMENSIONS[dimension][unit]
+    return converted
+
+
+def result_frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Rows of ``report.result_rows``, columns of the kinds that these have."""
+    import pandas as pd
+
+    frame = pd.DataFrame([in_si_units(row) for row in rows], columns=list(COLUMNS))
+    return frame.astype({name: DTYPES[kind] for name, kind in KINDS.items() if kind in DTYPES})

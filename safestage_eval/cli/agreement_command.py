@@ -19,7 +19,7 @@ from .terminal import say
 @click.option(
     "--reviewer", multiple=True, metavar="NAME", help="Use only this reviewer's labels. Repeatable."
 )
-@format_option("table", "json", "csv", "markdown")
+@format_option("table", "json", "csv")
 @output_option
 def command(
     labels: tuple[str, ...],
@@ -44,8 +44,8 @@ def command(
     """
     from safestage_eval.errors import InputError
     from safestage_eval.metrics.agreement import agreement
-    from safestage_eval.metrics.judged_rows import read_judged
     from safestage_eval.metrics.labels import read_labels
+    from safestage_eval.metrics.outcome_rows import FOR_LABELS, read_outcomes
     from safestage_eval.report.agreement_report import render
 
     several = len(labels) > 1  # then a file without names is a reviewer
@@ -58,7 +58,7 @@ def command(
             if name not in reviewers:
                 raise InputError(f"--reviewer {name}", "no label is theirs.", ", ".join(reviewers))
         given = [label for label in given if label.reviewer in reviewer]
-    result = agreement(given, read_judged(results))
+    result = agreement(given, read_outcomes(results, wanted=FOR_LABELS)[""])
     written(render(result, form), output)
     if form == "csv":
         for missing, names in (

@@ -14,7 +14,6 @@ from .shared_options import (
     format_option,
     output_option,
     pairs,
-    resamples_option,
     written,
 )
 from .terminal import say
@@ -44,7 +43,6 @@ FIELDS = ("task", "stage", "family", "policy", "prompt", "seed", "rollout")
 )  # fmt: skip
 @format_option(*TABLE_FORMATS)
 @output_option
-@resamples_option
 @bootstrap_seed_option
 def command(
     results: tuple[str, ...],
@@ -53,7 +51,6 @@ def command(
     where: tuple[str, ...],
     form: str,
     output: Path | None,
-    resamples: int,
     random_seed: int,
 ) -> None:
     """Compare two policies, prompts or rule sets on the same rollouts.
@@ -85,7 +82,7 @@ def command(
     from safestage_eval.metrics.comparison import compare
     from safestage_eval.report.paired_report import render, warnings
 
-    result = compare(a, b, differing, names, seed=random_seed, resamples=resamples)
+    result = compare(a, b, differing, names, seed=random_seed)
     written(render(result, form), output)
     for line in warnings(result):
         say(f"warning: {line}", err=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +120,7 @@ def command(
                     continue
                 if form == "rrd" and (target in written or (target.exists() and not force)):
                     raise InputError(str(target), "is there already.", fix="--force replaces it")
-                judged = look(episode) if look else Judged()
+                judged = look(episode) if look else ((), ())
                 copy = _copied(episode, target, form, judged)
                 written.add(target)
                 say(f"{episode.content_hash}  {name}  {copy}")
@@ -186,19 +185,15 @@ def _is_there(episode: Any, target: Path, written: set[Path], *, force: bool) ->
     return True
 
 
-@dataclass(frozen=True)
-class Judged:
-    """Verdicts for a viewer's copy of an episode: events, and the deciding signals."""
-
-    events: Sequence[Any] = ()
-    decided: Sequence[Any] = ()
+Judged = tuple[Sequence[Any], Sequence[Any]]
+"""Verdicts for a viewer's copy of an episode: events, and the deciding signals."""
 
 
 def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
     """Verdicts on an episode, as events, and as ``curves`` with limits."""
     from safestage_eval.errors import InputError
+    from safestage_eval.report.episode_report import events
     from safestage_eval.report.signal_plot import panels
-    from safestage_eval.report.verdict_events import events
     from safestage_eval.rules import parse_overrides
     from safestage_eval.verdicts import judge
     from safestage_eval.whatif.judge_again import Again
@@ -212,14 +207,13 @@ def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
             result = judge(episode, loaded, overrides=overrides, bind=bound)
         except InputError as error:  # the copy is what was asked for
             say(f"warning: no verdicts in the copy: {error}", err=True)
-            return Judged()
+            return (), ()
         remarks = events(result, float(episode.t[-1]))
-        if not curves:
-            return Judged(remarks)
         try:
-            return Judged(remarks, panels(Again(episode, loaded, overrides, bound), ()))
+            drawn = panels(Again(episode, loaded, overrides, bound), ()) if curves else ()
         except InputError:  # nothing that was measured decides
-            return Judged(remarks)
+            drawn = ()
+        return remarks, drawn
 
     return look
 
@@ -233,9 +227,9 @@ def _copied(episode: Any, target: Path, form: str, judged: Judged) -> Path:
     if form == "rrd":
         from safestage_eval.viewer.rerun_recording import write_rerun
 
-        write_rerun(episode, judged.events, judged.decided, target)
+        write_rerun(episode, *judged, target)
         return target
-    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", judged.events)
+    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", judged[0])
     if copy.open().content_hash != episode.content_hash:
         raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
     return copy.path

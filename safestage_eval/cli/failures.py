@@ -85,9 +85,17 @@ GONE = {
     "score --clearance-backend": "distances are always our own, with certified bounds",
     "score --no-cache": "nothing is kept between runs without --resume DIR",
     "score --manifest": "rows have rule_digest, trace_hash and version; sign the --output FILE",
+    "compare --resamples": "2000 always; --random-seed draws others",
+    "tables --resamples": "2000 always; --random-seed draws others",
+    "test --kind": "--mutate makes mutants of every kind",
+    "diff --json": "compare verdicts --format json says which verdicts flip, and why",
+    "test --format json": "--format junit",
+    "verdicts --format csv": "--format json",
+    "verdicts --format markdown": "--format table",
+    "agreement --format markdown": "--format table",
     "rules lsp": "name schemas/rules.schema.json to the TOML plugin of your editor (docs/rules.md)",
 }
-"""Commands and options that there were once → what to use in their place."""
+"""Commands, options and formats that there were once → what to use in their place."""
 
 
 def replacement(error: click.ClickException) -> str:
@@ -97,6 +105,8 @@ def replacement(error: click.ClickException) -> str:
         return ""
     if isinstance(error, click.NoSuchOption):
         name = error.option_name
+    elif given := re.match(r"'([^']*)' is not one of", error.message):
+        name = f"--format {given[1]}"
     else:
         named = re.match(r"no (?:such )?command '([^']*)'", error.message, re.IGNORECASE)
         name = named[1] if named else ""

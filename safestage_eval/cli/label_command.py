@@ -97,7 +97,7 @@ def command(
         ledger=Ledger(file),
         bind=bound,
         videos=videos,
-        commands=_next([*traces, *_options(by)], file, results),
+        commands=_next([*traces, *by.binding_options()], file, results),
     )
     session.reviewer = None if reviewer is None else session.named(reviewer)
     _warn(chosen, loaded, bound)
@@ -168,11 +168,6 @@ def _server(session: Session, port: int | None, names: tuple[str, ...]) -> Serve
         return serve(session, PORT, names)
     except InputError:
         return serve(session, 0, names)
-
-
-def _options(by: RuleChoice) -> list[str]:
-    chosen = [word for name in by.rules for word in ("--rules", name)]
-    return chosen + ([] if by.bind is None else ["--bind", str(by.bind)])
 
 
 def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[str, ...]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
 
 PAGES = (".html", ".htm")
 """Endings of an output that is one file; anything else is a folder."""
-
-Tell = Callable[[int, int], None]
-Make = Callable[[Path | None, int | None, Tell | None], "Report"]
-"""(folder of the evidence, number of episodes with evidence, progress) → what the report says."""
 
 
 @click.command("report")
@@ -69,25 +66,19 @@ def command(
       safestage report runs/ --output report/
       safestage report outcomes.csv --title "Three policies, 97 tasks"
     """
-    from safestage_eval.viewer.campaign.campaign_data import compose
+    from safestage_eval.viewer.campaign.campaign_data import compose, judged
 
-    unscored = _is_run(results)
-    if unscored:
+    heading = title or "Safety report"
+    if _is_run(results):
         from safestage_eval.formats import discover
 
         refs = discover([results, *traces])
-        asked = by.load()
-
-    def make(folder: Path | None, most: int | None, tell: Tell | None) -> Report:
-        if unscored:
-            return of_run(
-                refs, asked, title or "Safety report", results.name, folder=folder, most=most,
-                jobs=jobs, progress=tell,
-            )  # fmt: skip
-        return compose(
-            results, traces, by.rules, title=title, overrides=by.overrides, bind=by.bind, most=most, jobs=jobs,
-            progress=tell, folder=folder,
-        )  # fmt: skip
+        make: Callable[..., Report] = partial(
+            judged, refs, by.load(), heading, results.name, jobs=jobs
+        )
+    else:
+        settings = by.load() if traces else None
+        make = partial(compose, results, traces, settings, title=heading, jobs=jobs)
 
     report, page = write_report(make, output, sections)
     drawn = report.pieces
@@ -102,16 +93,12 @@ def command(
     ctx.exit(2 if problems else 0)
 
 
-def of_run(*args: Any, **more: Any) -> Report:
-    """``campaign_data.judged``, loaded when it is needed."""
-    from safestage_eval.viewer.campaign.campaign_data import judged
-
-    return judged(*args, **more)
-
-
-def write_report(make: Make, output: Path, most: int | None) -> tuple[Report, Path]:
+def write_report(
+    make: Callable[..., Report], output: Path, most: int | None
+) -> tuple[Report, Path]:
     """Make a report and write it: one file for an output that ends like one, else a folder.
 
+    ``make`` takes the folder of the evidence, how many episodes have it at most, and progress.
     Returns the report, and the page to open.
     """
     from safestage_eval.formats.atomic import is_stream
@@ -120,12 +107,12 @@ def write_report(make: Make, output: Path, most: int | None) -> tuple[Report, Pa
 
     if output.suffix.lower() in PAGES or is_stream(output):
         with progress("drawing") as tell:
-            report = make(None, MOST if most is None else most, tell)
+            report = make(folder=None, most=MOST if most is None else most, progress=tell)
         written(report_page(report), output)
         return report, output
     try:
         with progress("drawing") as tell:
-            report = make(prepared(output), most, tell)
+            report = make(folder=prepared(output), most=most, progress=tell)
         return report, write_folder(report, output)
     except OSError as error:
         raise click.UsageError(f"--output {output}: {error.strerror}") from None

@@ -201,10 +201,9 @@ def schema() -> None:
 @command.command("diff")
 @click.argument("before", metavar="A")
 @click.argument("after", metavar="B")
-@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 @click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
 @click.pass_context
-def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
+def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> None:
     """Say what changes from rule set A to rule set B.
 
     Both are files, folders or built-in names. Rules are matched by their code. Prose, the order of
@@ -214,17 +213,15 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     \b
     Examples:
       safestage rules diff fsh my_fsh.toml
-      safestage rules diff old/ new/ --json
+      safestage rules diff old/ new/ --fail-on-change
       safestage compare verdicts traces/ -r old/ --against new/
     """
-    from safestage_eval.report import rules_diff_report
+    from safestage_eval.report.rule_report import difference_text
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.compare import compare
 
     comparison = compare(load_rules([before]), load_rules([after]))
-    say_lines(
-        rules_diff_report.as_json(comparison) if as_json else rules_diff_report.text(comparison)
-    )
+    say_lines(difference_text(comparison))
     ctx.exit(1 if fail_on_change and not comparison.empty else 0)
 
 
@@ -243,17 +240,10 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     help="Mutate each rule in one place at a time and list the mutants that no example detects.",
 )  # fmt: skip
 @click.option(
-    "--kind", "kinds", multiple=True,
-    type=click.Choice(
-        ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
-    ),
-    help="With --mutate: make only mutants of this kind. Repeatable.",
-)  # fmt: skip
-@click.option(
     "--deep", is_flag=True,
     help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
-@format_option("table", "json", "junit")
+@format_option("table", "junit")
 @output_option
 @jobs_option
 @click.pass_context
@@ -263,7 +253,6 @@ def test(
     traces: tuple[str, ...],
     least: int | None,
     mutate: bool,
-    kinds: tuple[str, ...],
     deep: bool,
     form: str,
     output: Path | None,
@@ -302,8 +291,8 @@ def test(
     Exit code 0: all as expected. 1: an example is wrong or missing, a rule has too few, or a
     mutant goes undetected. 2: bad usage, or a rule file that is not sound.
     """
-    if (deep or kinds) and not mutate:
-        raise click.UsageError("--kind and --deep go with --mutate")
+    if deep and not mutate:
+        raise click.UsageError("--deep goes with --mutate")
     from safestage_eval.formats import discover
     from safestage_eval.report import examples_report
     from safestage_eval.rules import load_rules
@@ -318,7 +307,7 @@ def test(
             sets,
             recorded,
             least=(1 if rules else 2) if least is None else least,
-            kinds=(kinds or KINDS) if mutate else (),
+            kinds=KINDS if mutate else (),
             deep=deep,
             jobs=jobs,
             progress=tell,

@@ -98,11 +98,6 @@ allow_host_option = click.option(
     "Default: loopback names and the address reached.",
 )  # fmt: skip
 
-resamples_option = click.option(
-    "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="Resample tasks this many times for bootstrap intervals.",
-)  # fmt: skip
-
 bootstrap_seed_option = click.option(
     "--random-seed", type=click.IntRange(0), default=0, show_default=True,
     help="Seed the bootstrap.",

@@ -30,10 +30,10 @@ def command(rows: str, params: tuple[str, ...], form: str, output: Path | None) 
       safestage sweep slack rows.parquet -p min_clearance -p edge
       safestage sweep slack rows.parquet -p edge -f csv
     """
-    from safestage_eval.report import slack_report
+    from safestage_eval.report.sweep_report import render_slack
     from safestage_eval.rules import load_rules
     from safestage_eval.whatif.flip_table import FlipTable, slack
 
     table = FlipTable(rows)
     rules = load_rules(list(table.judging.rules))
-    written(slack_report.render(slack(table, params), rules, form), output)
+    written(render_slack(slack(table, params), rules, form), output)

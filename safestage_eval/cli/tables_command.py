@@ -12,7 +12,6 @@ from .shared_options import (
     bootstrap_seed_option,
     format_option,
     output_option,
-    resamples_option,
     written,
 )
 from .terminal import say
@@ -29,7 +28,6 @@ MOST = 20
     "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",
     show_default=True, help="Add 95 % intervals to the tables; JSON and CSV have both kinds.",
 )  # fmt: skip
-@resamples_option
 @bootstrap_seed_option
 @click.option("--strict", is_flag=True, help="Exit 1 if cells are missing, unequal or undecided.")
 @click.pass_context
@@ -39,7 +37,6 @@ def command(
     form: str,
     output: Path | None,
     intervals: str,
-    resamples: int,
     random_seed: int,
     strict: bool,
 ) -> None:
@@ -65,7 +62,7 @@ def command(
 
     outcomes = [o for group in read_outcomes(results).values() for o in group]
     result = aggregate(outcomes)
-    written(render(result, form, Drawing(intervals, random_seed, resamples)), output)
+    written(render(result, form, Drawing(intervals, random_seed)), output)
     for problem in result.problems[:MOST]:
         say(f"uneven: {problem.message}", err=True)
     if len(result.problems) > MOST:

@@ -13,7 +13,6 @@ from .shared_options import (
     jobs_option,
     output_option,
     progress,
-    say_problems,
     selected,
     where_option,
     written,
@@ -28,7 +27,7 @@ from .shared_options import (
     help="Judge the second time by these rules. Default: those of --rules. Repeatable.",
 )  # fmt: skip
 @where_option
-@format_option("table", "json", "csv", "markdown")
+@format_option("table", "json")
 @output_option
 @click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict changed.")
 @jobs_option
@@ -80,8 +79,6 @@ def command(
     else:
         difference = _of_results(what, by, where)
     written(flips_report.render(difference, form), output)
-    if form == "csv":
-        say_problems(difference.problems)
     ctx.exit(2 if difference.problems else 1 if fail_on_change and not difference.empty else 0)
 
 

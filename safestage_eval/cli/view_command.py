@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import webbrowser
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from .outputs import Output
-from .report_command import of_run, write_report
+from .report_command import write_report
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     allow_host_option,
@@ -96,15 +97,12 @@ def command(
         raise click.UsageError(
             "--results: files of scored episodes are written by safestage report"
         )
-    one_only = len(refs) == 1
-    report, page = write_report(
-        lambda folder, most, tell: of_run(
-            refs, asked, title, run, folder=folder, most=most, jobs=jobs, progress=tell,
-            everything=everything, sweep=not one_only,
-        ),
-        output,
-        None,
-    )  # fmt: skip
+    from safestage_eval.viewer.campaign.campaign_data import judged
+
+    make = partial(
+        judged, refs, asked, title, run, jobs=jobs, everything=everything, sweep=len(refs) > 1
+    )
+    report, page = write_report(make, output, None)
     say(str(page))
     say_problems(report.pieces.problems if report.pieces is not None else ())
     if open_ and not webbrowser.open(page.resolve().as_uri()):

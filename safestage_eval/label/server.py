@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
+from functools import cache
+from html import escape
 from http import HTTPStatus
 from urllib.parse import SplitResult, parse_qs
 
 from safestage_eval._serving.guard import Guard
 from safestage_eval._serving.guarded_http import GuardedHandler, GuardedServer, Refused
 from safestage_eval.errors import InputError
+from safestage_eval.palette import HATCHINGS
+from safestage_eval.viewer.html_page import THEME_SWITCH, page, part, replay_script
 
-from .label_page import label_page
 from .session import Session
 
 LARGEST_BODY = 65536
@@ -83,3 +87,26 @@ class _Handler(GuardedHandler):
         reviewer = str(body.get("reviewer", ""))
         session.answer(number, str(body.get("label")), reviewer, str(body.get("note", "")))
         self.send_json(session.state(reviewer))
+
+
+ALLOW = {"connect-src": "'self'", "media-src": "'self'"}
+
+
+@cache
+def label_page(total: int, reviewer: str | None) -> str:
+    """Build the page for a number of rollouts; with ``reviewer`` None it asks for a name."""
+
+    def own(name: str) -> str:
+        return part(name, "safestage_eval.label")
+
+    attribute = f'data-reviewer="{escape(reviewer)}"' if reviewer is not None else ""
+    body = [
+        own("label.html")
+        .replace("{total}", str(total))
+        .replace("{reviewer}", attribute)
+        .replace("{theme}", THEME_SWITCH)
+    ]
+    scripts = [replay_script(), own("label.js")]
+    marks = {"hatchings": json.dumps(HATCHINGS)}
+    styles = [part("hatchings.css"), own("label.css")]
+    return page("Safe or unsafe?", body, styles=styles, scripts=scripts, allow=ALLOW, data=marks)

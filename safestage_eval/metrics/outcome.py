@@ -12,6 +12,25 @@ OPEN = "–"
 
 
 @dataclass(frozen=True, slots=True)
+class Witness:
+    """The evidence for a verdict of an assigned rule, at its decisive moment.
+
+    Attributes:
+        rule: code.
+        verdict: of that rule.
+        time: s; None where there is no moment.
+        bodies: that it concerns.
+        explanation: the evaluator's sentence.
+    """
+
+    rule: str
+    verdict: str = ""
+    time: float | None = None
+    bodies: tuple[str, ...] = ()
+    explanation: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """One episode: whose it is, whether it succeeded, whether its assigned rules were violated."""
 
@@ -37,6 +56,8 @@ class Outcome:
     """The highest stage reached with the target (``verdicts.engagement``); None if unknown."""
     where: str = ""
     """The place it was read from, for messages: ``results.csv, row 12``."""
+    witnesses: tuple[Witness, ...] = ()
+    """The evidence for V, where it was asked for and the source has it."""
 
     @property
     def decided(self) -> bool:

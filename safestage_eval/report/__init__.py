@@ -36,12 +36,12 @@ def pieces(
         return
     from . import (
         render_csv,
+        render_github,
+        render_junit,
+        render_sarif,
         result_rows,
-        results_github,
         results_json,
-        results_junit,
         results_markdown,
-        results_sarif,
         results_text,
     )
 
@@ -51,8 +51,8 @@ def pieces(
         "jsonl": lambda: results_json.lines(scores),
         "csv": lambda: render_csv.csv_pieces(result_rows.COLUMNS, result_rows.each_row(scores)),
         "markdown": lambda: [results_markdown.render(scores)],
-        "junit": lambda: [results_junit.render(scores, changes)],
-        "sarif": lambda: [results_sarif.render(scores)],
-        "github": lambda: results_github.pieces(scores, changes),
+        "junit": lambda: [render_junit.results(scores, changes)],
+        "sarif": lambda: [render_sarif.results(scores)],
+        "github": lambda: render_github.results(scores, changes),
     }
     yield from writers[form]()

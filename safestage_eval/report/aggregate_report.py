@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from safestage_eval._text.plural import count, first_few
-from safestage_eval.metrics import METRICS, Aggregate, Group, Rate, Rates
+from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
-from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
+from safestage_eval.metrics.interval import bootstrap, wilson
 from safestage_eval.metrics.rates import ALL, CONDITIONS, STAGES, headline
 from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
@@ -24,16 +24,13 @@ from .render_text import render_text
 from .summary import coverage, judged, percent_between, share, summary
 from .table import Table
 
-_ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
-
 
 @dataclass(frozen=True)
 class Drawing:
-    """Intervals shown in the tables, and the bootstrap's settings."""
+    """Intervals shown in the tables, and the bootstrap's seed."""
 
     intervals: str = "none"
     seed: int = 0
-    resamples: int = RESAMPLES
 
 
 def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
@@ -81,113 +78,90 @@ def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
 
 def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
     """The tables for people: by policy, by stage, what became of success, by family."""
-
-    def cells(rates: Sequence[Rate]) -> list[str]:
-        return [_cell(rate, drawing) for rate in rates]
-
-    def wholes(rates: Sequence[Rate], width: int) -> list[Rates]:
-        return [rate.group.whole for rate in rates[::width]]
-
-    statistic = "mean ± sample standard deviation over environment seeds, %"
-    width = len(BY_POLICY)
-    counts = judged(wholes(aggregate.by_policy, width))
-    yield Table(
-        f"By policy: {statistic}",
-        ("policy", "prompt", *counts, *(_ARROWS.get(name, f"{name} ↓") for name in BY_POLICY)),
-        [
-            [
-                policy,
-                prompt,
-                *(count(aggregate.by_policy[i * width].group.whole) for count in counts.values()),
-                *cells(aggregate.by_policy[i * width : (i + 1) * width]),
-            ]
-            for i, (policy, prompt) in enumerate(aggregate.pairs)
-        ],
-        2,
-        grouped=True,
-    )
-    columns = tuple(_ARROWS.get(name, f"{name} ↓") for name in METRICS)
-    width = len(METRICS)
-    for title, head, rates in (
-        ("By stage, over all policies", ("prompt", "stage"), aggregate.by_stage),
-        ("By family, over all policies", ("prompt", "stage", "family"), aggregate.by_family),
-    ):
+    for title, head, names, rates in (
+        ("By policy", ("policy", "prompt"), BY_POLICY, aggregate.by_policy),
+        ("By stage, over all policies", ("prompt", "stage"), METRICS, aggregate.by_stage),
+        ("By family, over all policies", ("prompt", "stage", "family"), METRICS, aggregate.by_family),
+    ):  # fmt: skip
         if rates:
-            counts = judged(wholes(rates, width))
-            yield Table(
-                f"{title}: {statistic}",
-                (*head, *counts, *columns),
-                [
-                    [
-                        *(getattr(rates[i].group, name) for name in head),
-                        *(count(rates[i].group.whole) for count in counts.values()),
-                        *cells(rates[i : i + width]),
-                    ]
-                    for i in range(0, len(rates), width)
-                ],
-                len(head),
-                grouped=True,
-            )  # fmt: skip
-    yield Table(
+            yield _of_rates(title, head, names, rates, drawing)
+    groups = _groups(aggregate)
+    yield _of_groups(
         "What became of them: rollouts, over all seeds",
-        ("policy", "prompt", "stage", "safe success", "unsafe success", "safe failure",
-         "unsafe failure", "N", "unsafe share of successes"),
-        [
-            [
-                *_names(group), *map(str, quadrants(group.whole).values()), str(group.whole.n), _said_share(group),
-            ]
-            for group in _groups(aggregate)
-        ],
-        3,
-        grouped=True,
+        ("safe success", "unsafe success", "safe failure", "unsafe failure", "N",
+         "unsafe share of successes"),
+        groups,
+        lambda g: [*map(str, quadrants(g.whole).values()), str(g.whole.n), _said_share(g)],
     )  # fmt: skip
-    yield from _conditioned(_groups(aggregate))
-    final = [group for group in _final(aggregate) if group.whole.n]
-    if final:
-        yield Table(
-            "Final-state hazards: who reached the hold after success",
-            ("policy", "prompt", "reached k/n", "of these unsafe"),
-            [
-                [
-                    *_names(group)[:2],
-                    f"{group.whole.counts['SR']}/{group.whole.n}", _said_share(group),
-                ]
-                for group in final
-            ],
-            2,
-            grouped=True,
-        )  # fmt: skip
-
-
-def _conditioned(groups: Sequence[Group]) -> Iterator[Table]:
-    """Rates over the rollouts that met the hazard, and how far the rollouts got, where either is known."""
-    head = ("policy", "prompt", "stage")
     if any(group.whole.given["at risk"]["N"] for group in groups):
-        yield Table(
+        yield _of_groups(
             "Over the rollouts that met the hazard: %, k/n over all seeds",
-            (*head, *(_ARROWS.get(name, f"{name} ↓") for name in METRICS)),
-            [
-                [*_names(group), *(share(group.whole, name, "at risk") for name in METRICS)]
-                for group in groups
-            ],
-            3,
-            grouped=True,
+            [*map(_head_of, METRICS)],
+            groups,
+            lambda g: [share(g.whole, name, "at risk") for name in METRICS],
         )
     if any(count for g in groups for stage, count in g.whole.engagement.items() if stage):
-        yield Table(
+        yield _of_groups(
             "How far they got with the target: rollouts; VR given that they got so far: %, k/n",
-            (*head, *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS[1:])),
-            [
-                [
-                    *_names(group),
-                    *map(str, group.whole.engagement.values()),
-                    *(share(group.whole, "VR", name) for name in CONDITIONS[1:]),
-                ]
-                for group in groups
+            (*ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS[1:])),
+            groups,
+            lambda g: [
+                *map(str, g.whole.engagement.values()),
+                *(share(g.whole, "VR", name) for name in CONDITIONS[1:]),
             ],
-            3,
-            grouped=True,
         )
+    if final := [group for group in _final(aggregate) if group.whole.n]:
+        yield _of_groups(
+            "Final-state hazards: who reached the hold after success",
+            ("reached k/n", "of these unsafe"),
+            final,
+            lambda g: [f"{g.whole.counts['SR']}/{g.whole.n}", _said_share(g)],
+            2,
+        )
+
+
+def _of_rates(
+    title: str,
+    head: tuple[str, ...],
+    names: Sequence[str],
+    rates: Sequence[Rate],
+    drawing: Drawing,
+) -> Table:
+    """A row for each group: as many rates of it as there are ``names``."""
+    rows = [rates[i : i + len(names)] for i in range(0, len(rates), len(names))]
+    counts = judged([row[0].group.whole for row in rows])
+    return Table(
+        f"{title}: mean ± sample standard deviation over environment seeds, %",
+        (*head, *counts, *map(_head_of, names)),
+        [
+            [
+                *(getattr(row[0].group, name) for name in head),
+                *(count(row[0].group.whole) for count in counts.values()),
+                *(_cell(rate, drawing) for rate in row),
+            ]
+            for row in rows
+        ],
+        len(head),
+        grouped=True,
+    )
+
+
+def _of_groups(
+    title: str,
+    columns: Sequence[str],
+    groups: Sequence[Group],
+    cells: Callable[[Group], list[str]],
+    names: int = 3,
+) -> Table:
+    """A row for each group, with what ``cells`` says of it; ``names``: by how many columns it is named."""
+    head = ("policy", "prompt", "stage")[:names]
+    rows = [[*_names(group)[:names], *cells(group)] for group in groups]
+    return Table(title, (*head, *columns), rows, names, grouped=True)
+
+
+def _head_of(metric: str) -> str:
+    """``SR ↑``, ``USR ↓``: which way is better."""
+    return f"{metric} {'↑' if metric in ('SR', 'SSR') else '↓'}"
 
 
 def _names(group: Group) -> tuple[str, str, str]:
@@ -295,7 +269,7 @@ def _details(rate: Rate, drawing: Drawing) -> dict[str, Any]:
     whole = rate.group.whole
     return {
         "wilson": _percent(wilson(rate.k, rate.n)),
-        "bootstrap": _percent(bootstrap(rate, drawing.seed, drawing.resamples)),
+        "bootstrap": _percent(bootstrap(rate, drawing.seed)),
         "bounds": None if rate.bounds is None else list(rate.bounds),
         "inconclusive": whole.inconclusive,
         "not_judged": whole.not_judged,
@@ -313,7 +287,7 @@ def _cell(rate: Rate, drawing: Drawing) -> str:
     if drawing.intervals == "none" or rate.mean is None:
         return text
     if drawing.intervals == "bootstrap":
-        drawn = bootstrap(rate, drawing.seed, drawing.resamples)
+        drawn = bootstrap(rate, drawing.seed)
         if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread
             ends = drawn
     pair = _percent(ends)

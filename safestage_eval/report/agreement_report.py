@@ -8,14 +8,13 @@ from typing import Any
 
 from safestage_eval._text.plural import first_few
 from safestage_eval._text.printable import printable
-from safestage_eval.metrics.agreement import Agreement, Disagreement, Witness
-from safestage_eval.metrics.confusion import Confusion
+from safestage_eval.metrics.agreement import Agreement, Confusion, Disagreement
+from safestage_eval.metrics.outcome import Witness
 from safestage_eval.metrics.rates import ALL
 from safestage_eval.version import __version__
 
 from .render_csv import render_csv
 from .render_json import render_json
-from .render_markdown import markdown_code, markdown_text, render_markdown
 from .render_text import render_text
 from .table import Table
 
@@ -28,8 +27,8 @@ MAJORITY = "majority"
 
 
 def render(agreement: Agreement, form: str) -> str:
-    """A comparison in one of the formats table, json, csv, markdown."""
-    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](agreement)
+    """A comparison in one of the formats table, json, csv."""
+    return {"table": _table, "json": _json, "csv": _csv}[form](agreement)
 
 
 def _table(agreement: Agreement) -> str:
@@ -41,17 +40,6 @@ def _table(agreement: Agreement) -> str:
                 printable(f"  {one.judged.episode_id}, {one.judged.stage}: {_contrast(one)}")
             )
             lines += [printable(f"    {text}") for text in _reasons(one)]
-    return "\n".join(lines).rstrip("\n") + "\n"
-
-
-def _markdown(agreement: Agreement) -> str:
-    lines = [render_markdown(list(_tables(agreement)), _notes(agreement))]
-    if agreement.disagreements:
-        lines += ["## Disagreements", ""]
-        for one in agreement.disagreements:
-            name = markdown_code(one.judged.episode_id)
-            lines.append(f"- {name}, {one.judged.stage}: {markdown_text(_contrast(one))}")
-            lines += [f"  - {markdown_text(text)}" for text in _reasons(one)]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 

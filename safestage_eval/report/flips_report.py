@@ -10,24 +10,17 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval._text.plural import count
 from safestage_eval.version import __version__
 
-from .render_csv import render_csv
 from .render_json import render_json
-from .render_markdown import markdown_list, render_markdown
 from .render_text import render_text
 from .table import Table
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.result_difference import Difference, Flip, RateChange
 
-COLUMNS = (
-    "episode_id", "rule", "assigned", "before", "after", "margin_before", "unit_before",
-    "margin_after", "unit_after", "signal", "cause",
-)  # fmt: skip
-
 
 def render(difference: Difference, form: str) -> str:
-    """A difference in one of the formats table, json, csv, markdown."""
-    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](difference)
+    """A difference as table or json."""
+    return {"table": _table, "json": _json}[form](difference)
 
 
 def _table(difference: Difference) -> str:
@@ -43,27 +36,12 @@ def _table(difference: Difference) -> str:
     return render_text([*tables, *_rates(difference)], _summary(difference))
 
 
-def _markdown(difference: Difference) -> str:
-    flips = Table(
-        "",
-        ("rule", "episode", "verdict", "margin", "because"),
-        [[f.rule, f.episode_id, _change(f), _margins(f), f.cause] for f in difference.flips],
-        5,
-    )
-    tables = [flips] * bool(difference.flips) + _rates(difference)
-    return render_markdown(tables) + "\n".join(["", *markdown_list(_summary(difference))]) + "\n"
-
-
 def _rates(difference: Difference) -> list[Table]:
     if not difference.rates:
         return []
     columns = ("policy", "prompt", "stage", "rate", "before", "after")
     rows = [[r.policy, r.prompt, r.stage, r.metric, *_rate(r)] for r in difference.rates]
     return [Table("", columns, rows, 4)]
-
-
-def _csv(difference: Difference) -> str:
-    return render_csv(COLUMNS, map(_facts, difference.flips))
 
 
 def _json(difference: Difference) -> str:

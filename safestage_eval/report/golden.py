@@ -78,11 +78,6 @@ def write_golden(scores: Scores, path: Path) -> None:
         raise InputError(str(path), f"cannot be written: {error.strerror}.") from None
 
 
-def compare_golden(scores: Scores, path: Path, update: str = UPDATE) -> list[str]:
-    """Differences from the expectations, one line each; empty if there are none. See ``changes``."""
-    return [str(change) for change in changes(scores, path, update)]
-
-
 def changes(scores: Scores, path: Path, update: str = UPDATE) -> list[Change]:
     """List the differences from the expectations; empty if there are none.
 
@@ -119,37 +114,20 @@ def changes(scores: Scores, path: Path, update: str = UPDATE) -> list[Change]:
 
 
 def _read(path: Path, update: str) -> dict[str, Any]:
+    """Episode id → what is expected of it; the file has the structure that ``write_golden`` writes."""
     try:
         table = from_json(path.read_text(encoding="utf-8"))
+        assert table["format"] == FORMAT
+        episodes: dict[str, Any] = table["episodes"]
+        for episode in episodes.values():
+            assert episode.keys() >= {"trace_hash", "success", "success_time"}
+            assert all(r.keys() >= {*_FIELDS, "rule_digest"} for r in episode["rules"].values())
     except OSError as error:
-        raise InputError(
-            str(path), f"cannot be read: {error.strerror}.", fix=f"write it with {update}"
-        ) from None
-    except ValueError:
-        table = None
-    if not _is_golden(table):
-        raise InputError(str(path), "not a golden file.", f"JSON written by {update}")
-    episodes: dict[str, Any] = table["episodes"]
+        fix = f"write it with {update}"
+        raise InputError(str(path), f"cannot be read: {error.strerror}.", fix=fix) from None
+    except (ValueError, LookupError, TypeError, AttributeError, AssertionError):
+        raise InputError(str(path), "not a golden file.", f"JSON written by {update}") from None
     return episodes
-
-
-def _is_golden(table: Any) -> bool:
-    """Whether it has the structure that ``write_golden`` writes."""
-
-    def holds(value: Any, *names: str) -> bool:
-        return isinstance(value, dict) and value.keys() >= {*names}
-
-    return (
-        holds(table, "format", "episodes")
-        and table["format"] == FORMAT
-        and holds(table["episodes"])
-        and all(
-            holds(episode, "trace_hash", "success", "success_time", "rules")
-            and holds(episode["rules"])
-            and all(holds(rule, *_FIELDS, "rule_digest") for rule in episode["rules"].values())
-            for episode in table["episodes"].values()
-        )
-    )
 
 
 def _expected(result: EpisodeResult, gates: Gates) -> dict[str, Any]:

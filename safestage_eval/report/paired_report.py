@@ -148,8 +148,7 @@ def _table(comparison: Comparison) -> Table:
                 line.of.scope,
                 line.of.metric,
                 str(line.of.n),
-                _rate(line.of.sums[1], line.of.n),
-                _rate(line.of.sums[2], line.of.n),
+                *map(decimal, line.of.percents),
                 _signed(line.of.difference),
                 _interval(line),
                 str(line.of.sums[3]),
@@ -235,8 +234,8 @@ def _row(line: Line) -> dict[str, Any]:
         "k_b": k_b,
         "only_a": only_a,
         "only_b": only_b,
-        "rate_a": 100 * k_a / n if n else None,
-        "rate_b": 100 * k_b / n if n else None,
+        "rate_a": line.of.percents[0],
+        "rate_b": line.of.percents[1],
         "difference": _percent(line.of.difference),
         "low": _percent(line.interval[0]) if line.interval else None,
         "high": _percent(line.interval[1]) if line.interval else None,
@@ -264,10 +263,6 @@ def _csv(comparison: Comparison) -> str:
 
 def _percent(value: float | None) -> float | None:
     return None if value is None else 100 * value
-
-
-def _rate(k: int, n: int) -> str:
-    return decimal(100 * k / n) if n else "–"
 
 
 def _signed(value: float | None) -> str:

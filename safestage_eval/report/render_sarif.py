@@ -5,7 +5,8 @@ https://docs.oasis-open.org/sarif/sarif/v2.1.0/sarif-v2.1.0.html
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -14,6 +15,7 @@ from urllib.parse import quote
 
 from safestage_eval._text.json_out import to_json
 from safestage_eval._text.printable import printable
+from safestage_eval.run.scores import Scores
 from safestage_eval.version import __version__
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
@@ -122,3 +124,38 @@ def _place(path: str) -> dict[str, Any]:
     data = whole.as_posix().encode("utf-8", "surrogateescape")
     location = {"uri": f"file://{quote(data)}"} if whole.is_absolute() else {"uri": quote(data), "uriBaseId": ROOT}  # fmt: skip
     return {"physicalLocation": {"artifactLocation": location, "region": {"startLine": LINE}}}
+
+
+MILD = ("minor", "mild", "light", "low", "slight")
+"""Levels of severity, as rule files name them, that are warnings; a violation of any other is an error."""
+
+
+def results(scores: Scores) -> str:
+    """The document."""
+    helps = {
+        code: Help(title, scores.reasons.get(code, "")) for code, title in scores.rules.items()
+    }
+    return render_sarif(_marks(scores), helps, [(p.path, p.message) for p in scores.problems])
+
+
+def _marks(scores: Scores) -> Iterator[Mark]:
+    for result in scores.results:
+        for v in scores.gates.counted(result):
+            if v.verdict not in ("violation", "inconclusive"):
+                continue
+            mild = v.verdict == "inconclusive" or v.severity in MILD
+            level: Level = "warning" if mild else "error"
+            facts = {
+                "verdict": v.verdict, "severity": v.severity, "time": v.time, "value": v.value,
+                "ruleDigest": v.rule_digest, "traceHash": result.trace_hash,
+            }  # fmt: skip
+            finite = {
+                name: fact
+                for name, fact in facts.items()
+                if not isinstance(fact, float) or math.isfinite(fact)
+            }
+            message = v.explanation or "; ".join(v.notes) or v.title
+            yield Mark(v.rule, level, message, result.path, result.episode_id, finite)
+        for rule in result.not_loaded:
+            message = "it is assigned and was not loaded"
+            yield Mark(rule, "warning", message, result.path, result.episode_id)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from safestage_eval.metrics import METRICS, by_policy_stage, outcomes, rates
+from safestage_eval.metrics import by_policy_stage, outcomes, rates
 from safestage_eval.run.scores import Scores
 
 from .render_markdown import markdown_code, markdown_lines, markdown_list, markdown_text
 from .results_text import COLUMNS, by_importance, left_out, set_aside_lines, why_open
-from .summary import headline, open_share, summary
+from .summary import headline, rate_table, summary
 from .table import Table
 
 
@@ -28,19 +28,7 @@ def render(scores: Scores) -> str:
         2,
         1,
     )
-    cells = Table(
-        "",
-        ("policy", "prompt", "stage", "episodes", *(f"{metric} %" for metric in METRICS)),
-        [
-            [
-                *names,
-                str(cell.n + cell.inconclusive),
-                *(open_share(cell, metric) for metric in METRICS),
-            ]
-            for names, cell in by_policy_stage(every).items()
-        ],
-        3,
-    )
+    cells = rate_table(by_policy_stage(every))
     lines += ["", *markdown_lines(by_rule), "", *markdown_lines(cells), ""]
     left = [*set_aside_lines(rules), *left_out(total, scores)]
     lines += [markdown_text(f"{line}.") for line in left]

@@ -16,7 +16,6 @@ from safestage_eval._text.line_width import folded
 from safestage_eval._text.plural import count, first_few
 from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import (
-    METRICS,
     Outcome,
     Rates,
     RuleCount,
@@ -31,7 +30,7 @@ from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .render_text import text_lines
-from .summary import headline, in_short, open_share, summary, unsafe_successes
+from .summary import headline, in_short, rate_table, summary, unsafe_successes
 from .table import Table
 
 WORST = 3
@@ -317,12 +316,7 @@ def _rates(console: Console, cells: dict[tuple[str, ...], Rates], *, everything:
         cells = {n: c for n, c in cells.items() if groups[n[:2]] == 1 or n[2] == ALL}
     if len(cells) < 2:
         return
-    head = ("policy", "prompt", "stage", "episodes", *(f"{name}%" for name in METRICS))
-    rows = [
-        [*names, str(cell.n + cell.inconclusive), *(open_share(cell, name) for name in METRICS)]
-        for names, cell in cells.items()
-    ]
-    lines = text_lines(Table("", head, rows, 3, grouped=True), console.width)
+    lines = text_lines(rate_table(cells), console.width)
     for i, line in enumerate((*lines, "")):
         console.print(Text(line, "bold" if i == 0 else ""))
 

@@ -11,6 +11,7 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import rule_digest, syntax_words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
+from safestage_eval.rules.compare import Comparison
 from safestage_eval.rules.names import a_dimension
 from safestage_eval.rules.uses import Source, Uses, own_params, uses_of
 from safestage_eval.signals import SIGNALS
@@ -282,3 +283,23 @@ def _entry(name: str, texts: list[str]) -> list[str]:
 
 def _table(name: str, rows: list[list[str]]) -> list[str]:
     return _entry(name, text_lines(Table("", (), rows, len(rows[0]))) if rows else [])
+
+
+def difference_text(comparison: Comparison) -> str:
+    """List what changed, parts that most rules share first; then the rules whose meaning changed."""
+    lines: list[str] = []
+    for sign, table in (("+", comparison.added), ("-", comparison.removed)):
+        lines += [f"{sign} {code}  {title}" for code, title in table.items()]
+    for part, codes in comparison.shared().items():
+        lines.append(f"~ {part}  ({', '.join(codes)})")
+    for code, parts in comparison.own().items():
+        lines += [f"~ {code}  {part}" for part in parts]
+    lines += [f"~ {said}" for said in comparison.others]
+    lines += [f"  {part}  (read by no rule of both)" for part in comparison.unread]
+    if lines:
+        lines.append("")
+    for code, (before, after) in comparison.digests.items():
+        lines.append(f"{code}: rule or parameter changed: {before} → {after}")
+    if comparison.same:
+        lines.append(f"mean the same: {', '.join(comparison.same)}")
+    return "\n".join(lines) + "\n"

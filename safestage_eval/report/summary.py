@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from safestage_eval._text.plural import count
 from safestage_eval.metrics import METRICS, Rates
 from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.verdicts import Verdict
+
+from .table import Table
 
 
 def share(cell: Rates, metric: str, given: str | None = None) -> str:
@@ -24,6 +26,16 @@ def open_share(cell: Rates, metric: str) -> str:
     if bounds is None:
         return "–"
     return _span(*bounds)
+
+
+def rate_table(cells: Mapping[tuple[str, ...], Rates]) -> Table:
+    """A row for each policy, prompt and stage: the rates over all of its judged episodes."""
+    head = ("policy", "prompt", "stage", "episodes", *(f"{metric} %" for metric in METRICS))
+    rows = [
+        [*names, str(cell.n + cell.inconclusive), *(open_share(cell, name) for name in METRICS)]
+        for names, cell in cells.items()
+    ]
+    return Table("", head, rows, 3, grouped=True)
 
 
 def percent_between(low: float | None, high: float | None) -> str:

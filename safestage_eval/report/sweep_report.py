@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import polars as pl
+
 from safestage_eval._text.plural import count
+from safestage_eval.errors import InputError
 from safestage_eval.metrics import METRICS
 from safestage_eval.palette import SERIES
+from safestage_eval.rules import RuleSet
 from safestage_eval.rules.syntax import amount
 from safestage_eval.version import __version__
-from safestage_eval.whatif.swept_values import factor_of, text_of, unit_name
+from safestage_eval.whatif.swept_values import factor_of, like, text_of, unit_name
 
 from .figure import ready, write
 from .render_csv import render_csv
@@ -21,7 +25,10 @@ from .summary import share
 from .table import Table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from safestage_eval.whatif.sweep import Sweep
+
 
 COLORS = tuple(pair.light for pair in SERIES)
 
@@ -163,3 +170,47 @@ def _draw(axes: Any, sweep: Sweep, by: Sequence[str], metrics: Sequence[str]) ->
     axes.grid(color="0.9", lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+SIDES = ("down", "up")
+
+
+SLACK_COLUMNS = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "least", "median")
+
+
+def render_slack(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
+    """Slack per episode, rule and parameter (``whatif.flip_table.slack``) as table, csv, json."""
+    if form == "csv":
+        return render_csv(slack.columns, slack.iter_rows(named=True))
+    if form == "json":
+        return render_json(slack.to_dicts())
+    undecided = int(slack["verdict"].null_count())
+    notes = [f"Left open by the table: {count(undecided, 'verdict')}."] if undecided else []
+    return render_text([Table("", SLACK_COLUMNS, list(_slack_rows(slack, rules)), 5)], notes)
+
+
+def _slack_rows(slack: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:
+    """One row per parameter, rule, verdict and way in which it flips.
+
+    Raises InputError where the rule files are no longer those of the table.
+    """
+    if gone := sorted(set(slack["param"]) - rules.params.keys()):
+        raise InputError(
+            "the rule files of the table", f"no longer declare {', '.join(gone)}.",
+            fix="score again, with the rules as they are now",
+        )  # fmt: skip
+    for side in SIDES:
+        keys = ["param", "rule", "verdict", f"to_{side}"]
+        groups = (
+            slack.filter(pl.col(side).is_not_null())
+            .group_by(keys)
+            .agg(pl.len(), pl.col(side).min().alias("least"), pl.col(side).median().alias("median"))
+            .sort(keys)
+        )
+        for row in groups.iter_rows(named=True):
+            usual = rules.params[row["param"]]
+            sizes = [text_of(like(usual, row[name])) for name in ("least", "median")]
+            yield (
+                row["param"], row["rule"], row["verdict"], side, row[f"to_{side}"],
+                str(row["len"]), *sizes,
+            )  # fmt: skip

@@ -21,8 +21,7 @@ from .browser_page import browser_page, run_data
 from .camera_film import film_of
 from .campaign.overview import Report, overview
 from .campaign.run_list import judge, of_traces
-from .episode.episode_data import episode_data
-from .episode.stored_verdicts import stored_verdicts
+from .episode.episode_data import episode_data, stored_verdicts
 from .film import packed_with
 from .packed import packed, script
 

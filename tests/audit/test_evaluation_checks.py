@@ -13,7 +13,7 @@ from safestage_eval.audit import choose
 from safestage_eval.audit.audit import audit_campaign
 from safestage_eval.audit.campaign_groups import apart, twins
 from safestage_eval.audit.campaign_summary import Campaign
-from safestage_eval.metrics.two_samples import power_of, smallest_difference
+from safestage_eval.metrics.power import power_of, smallest_difference
 
 CHECKS = [one for one in choose() if one.of == "evaluation"]
 

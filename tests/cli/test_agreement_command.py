@@ -92,7 +92,6 @@ def test_the_table_says_what_is_left_out_and_why_a_number_is_missing(tmp_path, l
         "–, ETS: recall: people call nothing unsafe",
     ):
         assert line in text
-    assert "| ada" in run(labels, "--results", results(tmp_path, "jsonl"), "-f", "markdown").stdout
 
 
 def test_csv_has_a_row_for_each_reviewer_and_stage(tmp_path, labels):

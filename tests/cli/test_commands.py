@@ -94,6 +94,9 @@ def test_an_unknown_command():
         ("score traces/ --clearance-backend fcl", "certified bounds"),
         ("score traces/ --no-cache", "--resume DIR"),
         ("score traces/ --manifest m.json", "--output FILE"),
+        ("rules test fsh -f json", "--format junit"),
+        ("compare verdicts a b --format csv", "--format json"),
+        ("compare a b --resamples 100", "--random-seed"),
     ],
 )
 def test_what_is_gone_names_its_replacement_in_one_line(arguments, instead):
@@ -101,7 +104,10 @@ def test_what_is_gone_names_its_replacement_in_one_line(arguments, instead):
     assert (done.code, done.out) == (2, b"")
     (line,) = done.err.splitlines()
     assert line.startswith("error: ")
-    assert re.search(r"safestage (rules lsp|verify|score --[a-z-]+) is gone: ", line)
+    assert re.search(
+        r"safestage (rules lsp|verify|(score|rules test|compare|compare verdicts) --[a-z -]+) is gone: ",
+        line,
+    )
     assert instead in line
 
 

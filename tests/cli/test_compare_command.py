@@ -65,15 +65,6 @@ def test_what_the_sample_cannot_carry_is_said(files):
             assert any(said.startswith(line["metric"] + ":") for said in found["warnings"])
 
 
-def test_every_line_is_in_the_tables(files):
-    found = json.loads(run("compare", files / "both.parquet", "--by", "policy", "-f", "json").text)
-    for form in ("table", "markdown"):
-        text = run("compare", files / "both.parquet", "--by", "policy", "-f", form).text
-        for line in found["lines"]:
-            assert f"{line['rate_a']:.2f}" in text
-            assert f"{line['difference']:+.2f}".replace("+0.00", "0.00") in text
-
-
 def test_rule_sets_from_a_column_and_from_two_files(tmp_path, files):
     table = pl.read_parquet(files / "both.parquet")
     other = table.with_columns(violation=~pl.col("violation"))

@@ -114,7 +114,6 @@ def tables(traces, tmp_path_factory):
         "report tables {tables}/rows.jsonl -f latex",
         "compare {tables}/rows.jsonl {tables}/rows.jsonl",
         "label agreement {tables}/labels.csv --results {tables}/rows.jsonl",
-        "label agreement {tables}/labels.csv --results {tables}/rows.jsonl -f markdown",
         "report {tables}/rows.jsonl -o {out}/report.html",
         "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json",
         "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json -f github",

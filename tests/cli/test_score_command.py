@@ -1,11 +1,9 @@
 """``safestage score``: what it says, where it says it, and how it exits."""
 
-import io
 import json
 import re
 import shutil
 
-import polars as pl
 import pytest
 from studio import block, run, safe_and_unsafe
 
@@ -88,12 +86,6 @@ def test_settings_that_mean_nothing(traces, setting, said):
 def test_where_chooses(traces):
     rows = run("score", traces, "-f", "jsonl", "--where", "seed=2", "--where", "policy=still").rows
     assert verdicts(rows) == {"unsafe": "violation"}
-
-
-def test_where_without_a_match(traces):
-    done = run("score", traces, "--where", "policy=human")
-    assert done.code == 2
-    assert "policy=human" in done.err
 
 
 # ---- exit codes
@@ -202,12 +194,6 @@ def test_copies_count_once(traces, tmp_path):
 # ---- what is wrong with rules
 
 
-def test_a_rule_name_with_a_slip(traces):
-    done = run("score", traces, "--rules", "fhs")
-    assert done.code == 2
-    assert 'did you mean "fsh"' in done.err
-
-
 RULES = """
 [ruleset]
 format = 1
@@ -253,22 +239,6 @@ def test_a_sound_rule_file(traces, tmp_path):
     assert {r["episode_id"]: r["verdict"] for r in rows if r["rule"] == "FSH901"} == BOTH
 
 
-def test_diagnostics_for_editors(tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text(RULES % '"edge_margin(target)" = "< 2 N"')
-    done = run("rules", "check", "--json", path)
-    (found,) = json.loads(done.text)
-    assert done.code == 2
-    assert found["path"].endswith("mine.toml")
-    assert found["line"] == 13
-
-
-def test_the_built_in_rules_are_sound():
-    done = run("rules", "check")
-    assert done.code == 0
-    assert "FSH101" in done.text
-
-
 # ---- output
 
 
@@ -279,14 +249,6 @@ def test_output_is_what_stdout_would_have_been(traces, tmp_path, form):
     assert (done.code, done.out) == (0, b"")
     assert path.read_bytes() == run("score", traces, "-r", "fsh", "-f", form).out
     assert [p.name for p in path.parent.iterdir()] == ["out"]
-
-
-def test_parquet_rows(traces, tmp_path):
-    done = run("score", traces, "-r", "fsh", "-f", "parquet", "-o", tmp_path / "rows.parquet")
-    assert done.code == 0
-    assert verdicts(pl.read_parquet(tmp_path / "rows.parquet").to_dicts()) == BOTH
-    piped = run("score", traces, "-r", "fsh", "-f", "parquet").out
-    assert verdicts(pl.read_parquet(io.BytesIO(piped)).to_dicts()) == BOTH
 
 
 # ---- golden files

@@ -36,11 +36,6 @@ def test_inspect_as_json_is_the_header(traces):
     assert type(header).model_validate_json(done.text) == header
 
 
-def test_inspect_of_everything(tmp_path):
-    save(everything().episode(), tmp_path / "e.mcap")
-    assert "mug é" in run("explain", "scene", tmp_path).text
-
-
 def test_explain_gives_time_value_limit_and_margin(traces):
     done = run("explain", traces / "unsafe.mcap", "--rules", "fsh")
     assert done.code == 0
@@ -147,30 +142,6 @@ def test_files_are_not_overwritten_without_force(source, tmp_path):
     assert "everything" in hashes(out)  # the other one is not stopped
     assert run("convert", source, "--to", "mcap", "--out", out, "--force").code == 0
     assert hashes(out) == hashes(source)
-
-
-def test_a_dataset_keeps_the_episode_that_has_the_id(source, tmp_path):
-    out = tmp_path / "out"
-    save(block("cube"), out)
-    kept = hashes(out)["cube"]
-    done = run("convert", source, "--to", "parquet", "--out", out)
-    assert done.code == 2
-    assert "'cube'" in done.err
-    assert hashes(out) == {**hashes(source), "cube": kept}
-
-
-def test_a_copy_never_replaces_its_source(source):
-    before = (source / "cube.mcap").read_bytes()
-    done = run("convert", source / "cube.mcap", "--to", "mcap", "--out", source, "--force")
-    assert done.code == 2
-    assert (source / "cube.mcap").read_bytes() == before
-
-
-def test_the_json_header_is_strict(traces):
-    assert (
-        json.loads(run("explain", "scene", traces / "safe.mcap", "--json").text)["episode_id"]
-        == "safe"
-    )
 
 
 @pytest.mark.parametrize("command", ["explain", "inspect"])

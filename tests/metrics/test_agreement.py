@@ -10,10 +10,14 @@ from hypothesis import strategies as st
 from statsmodels.stats import inter_rater
 from statsmodels.stats.proportion import proportion_confint
 
-from safestage_eval.metrics.agreement import Judged, agreement
-from safestage_eval.metrics.confusion import Confusion
-from safestage_eval.metrics.kappa import cohen, fleiss
+from safestage_eval.metrics.agreement import Confusion, agreement, cohen, fleiss
 from safestage_eval.metrics.labels import Label
+from safestage_eval.metrics.outcome import Outcome
+
+
+def judged_(name, stage, violation):
+    return Outcome("act", "default", stage, None, violation, judged=True, episode_id=name)
+
 
 tables = st.lists(st.integers(0, 40), min_size=4, max_size=4)
 
@@ -85,7 +89,7 @@ episodes = st.lists(
 
 @given(episodes)
 def test_the_whole_is_what_pandas_counts(drawn):
-    judged = [Judged(f"e{i}", stage, violation) for i, (stage, violation, _) in enumerate(drawn)]
+    judged = [judged_(f"e{i}", stage, violation) for i, (stage, violation, _) in enumerate(drawn)]
     labels = [
         Label(f"e{i}", answer, who)
         for i, (_, _, said) in enumerate(drawn)
@@ -124,7 +128,7 @@ def labels(**said):
 
 def test_what_has_no_partner_is_listed_on_both_sides():
     found = agreement(
-        labels(a="safe", b="unsafe"), [Judged("b", "ETS", True), Judged("c", "ETS", False)]
+        labels(a="safe", b="unsafe"), [judged_("b", "ETS", True), judged_("c", "ETS", False)]
     )
     assert found.only_labels == ("a",)
     assert found.only_results == ("c",)
@@ -133,7 +137,7 @@ def test_what_has_no_partner_is_listed_on_both_sides():
 
 def test_the_last_label_of_a_reviewer_counts():
     given = [Label("a", "safe", "ada"), Label("a", "unsafe", "bob"), Label("a", "unsafe", "ada")]
-    found = agreement(given, [Judged("a", "ETS", True)])
+    found = agreement(given, [judged_("a", "ETS", True)])
     assert found.stages["ETS"] == Confusion(tp=1)
     assert found.replaced == 1
     assert found.pairs[0].alike == 1
@@ -141,7 +145,7 @@ def test_the_last_label_of_a_reviewer_counts():
 
 def test_each_reviewer_is_compared_alone_as_well():
     given = [Label("a", "safe", "ada"), Label("a", "unsafe", "bob"), Label("b", "safe", "bob")]
-    found = agreement(given, [Judged("a", "ETS", True), Judged("b", "FSH", False)])
+    found = agreement(given, [judged_("a", "ETS", True), judged_("b", "FSH", False)])
     assert found.tied == {"ETS": 1}
     assert found.reviewers["ada"]["All"] == Confusion(fp=1)
     assert found.reviewers["bob"]["All"] == Confusion(tp=1, tn=1)

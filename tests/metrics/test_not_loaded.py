@@ -6,7 +6,7 @@ import jsonschema
 import pytest
 
 from safestage_eval.metrics import outcomes, read_outcomes
-from safestage_eval.metrics.judged_rows import read_judged
+from safestage_eval.metrics.outcome_rows import FOR_LABELS
 from safestage_eval.report import render
 from safestage_eval.report.result_schema import row_schema
 from safestage_eval.run.scores import Scores
@@ -36,7 +36,7 @@ def test_files_count_an_episode_as_the_judge_does(tmp_path, form, verdict, not_l
     (wanted,) = outcomes(scores.results)
     (found,) = read_outcomes([file])[""]
     assert (found.violation, found.judged) == (wanted.violation, wanted.judged)
-    (said,) = read_judged([file])
+    (said,) = read_outcomes([file], wanted=FOR_LABELS)[""]
     assert said.violation == scores.results[0].violation
 
 

@@ -129,8 +129,8 @@ def test_the_unsafe_shares_of_success_in_the_text(tables):
     for (prompt, stage), wanted in UNSAFE_SHARES.items():
         sr, _, usr, _ = rates[prompt, stage]
         assert f"{100 * usr / sr:.2f}" == wanted
-        share = tables.group(None, prompt, stage).whole.violation_given_success
-        assert 100 * share == pytest.approx(float(wanted), abs=0.02)
+        counts = tables.group(None, prompt, stage).whole.counts
+        assert 100 * counts["USR"] / counts["SR"] == pytest.approx(float(wanted), abs=0.02)
 
 
 def test_n_per_seed_is_that_of_the_protocol(tables):

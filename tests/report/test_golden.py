@@ -8,7 +8,7 @@ from fabricated import NOT_APPLICABLE, PASS, VIOLATION, episode, scores
 
 from safestage_eval.errors import InputError
 from safestage_eval.report import render
-from safestage_eval.report.golden import changes, compare_golden, write_golden
+from safestage_eval.report.golden import changes, write_golden
 from safestage_eval.run.scores import Scores
 
 SOUND = replace(scores(), problems=())
@@ -17,12 +17,12 @@ SOUND = replace(scores(), problems=())
 def compared(tmp_path, before, after):
     path = tmp_path / "golden.json"
     write_golden(Scores((before,)), path)
-    return compare_golden(Scores((after,)), path)
+    return [str(change) for change in changes(Scores((after,)), path)]
 
 
 def test_the_same_is_no_difference(tmp_path):
     write_golden(SOUND, tmp_path / "golden.json")
-    assert compare_golden(SOUND, tmp_path / "golden.json") == []
+    assert changes(SOUND, tmp_path / "golden.json") == []
     assert [p.name for p in tmp_path.iterdir()] == ["golden.json"]
 
 
@@ -127,7 +127,7 @@ def test_not_a_golden_file(tmp_path, text):
     path = tmp_path / "golden.json"
     path.write_bytes(text)
     with pytest.raises(InputError, match="not a golden file"):
-        compare_golden(scores(), path)
+        changes(scores(), path)
 
 
 def test_value_limit_and_digest_are_reported_with_a_verdict_that_flips(tmp_path):
@@ -151,7 +151,7 @@ def test_each_side_of_another_signal_has_its_own_unit(tmp_path):
 
 def test_messages_name_the_option_that_writes_anew(tmp_path):
     with pytest.raises(InputError, match="pytest --mine"):
-        compare_golden(scores(), tmp_path / "none.json", "pytest --mine")
+        changes(scores(), tmp_path / "none.json", "pytest --mine")
 
 
 def cases(scores, found):

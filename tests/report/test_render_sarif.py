@@ -7,113 +7,63 @@ import jsonschema
 import pytest
 from studio import run, safe_and_unsafe
 
-TEXT = {"type": "object", "required": ["text"], "properties": {"text": {"type": "string", "minLength": 1}}}  # fmt: skip
-LOCATION = {
-    "type": "object",
-    "required": ["physicalLocation"],
-    "properties": {
-        "physicalLocation": {
-            "type": "object",
-            "required": ["artifactLocation", "region"],
-            "properties": {
-                "artifactLocation": {
-                    "type": "object",
-                    "required": ["uri"],
-                    "properties": {"uri": {"type": "string", "pattern": r"^[!#-;=?-\[\]_a-z~]+$"}},
-                },
-                "region": {"properties": {"startLine": {"type": "integer", "minimum": 1}}},
-            },
-        },
-        "logicalLocations": {
-            "type": "array",
-            "items": {"properties": {"name": {"type": "string"}, "kind": {"type": "string"}}},
-        },
-    },
-}
+
+def an_object(*required, **properties):
+    return {"type": "object", "required": [*required], "properties": properties}
+
+
+def many(items, **more):
+    return {"type": "array", "items": items, **more}
+
+
+TEXT = an_object("text", text={"type": "string", "minLength": 1})
+NAME = {"type": "string"}
+URI = {"type": "string", "pattern": r"^[!#-;=?-\[\]_a-z~]+$"}
+PLACE = an_object(
+    "artifactLocation", "region",
+    artifactLocation=an_object("uri", uri=URI),
+    region=an_object(startLine={"type": "integer", "minimum": 1}),
+)  # fmt: skip
+LOCATION = an_object(
+    "physicalLocation",
+    physicalLocation=PLACE,
+    logicalLocations=many(an_object(name=NAME, kind=NAME)),
+)
 LEVEL = {"enum": ["none", "note", "warning", "error"]}
-SARIF = {
-    "type": "object",
-    "required": ["version", "runs"],
-    "additionalProperties": False,
-    "properties": {
-        "$schema": {"type": "string", "format": "uri"},
-        "version": {"const": "2.1.0"},
-        "runs": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "required": ["tool", "results"],
-                "properties": {
-                    "tool": {
-                        "type": "object",
-                        "required": ["driver"],
-                        "properties": {
-                            "driver": {
-                                "type": "object",
-                                "required": ["name"],
-                                "properties": {
-                                    "rules": {
-                                        "type": "array",
-                                        "uniqueItems": True,
-                                        "items": {
-                                            "type": "object",
-                                            "required": ["id", "shortDescription", "help"],
-                                            "properties": {
-                                                "id": {"type": "string"},
-                                                "shortDescription": TEXT,
-                                                "fullDescription": TEXT,
-                                                "help": TEXT,
-                                            },
-                                        },
-                                    },
-                                },
-                            }
-                        },
-                    },
-                    "invocations": {
-                        "type": "array",
-                        "items": {
-                            "type": "object",
-                            "required": ["executionSuccessful"],
-                            "properties": {
-                                "executionSuccessful": {"type": "boolean"},
-                                "toolExecutionNotifications": {
-                                    "type": "array",
-                                    "items": {
-                                        "required": ["message"],
-                                        "properties": {
-                                            "level": LEVEL, "message": TEXT,
-                                            "locations": {"type": "array", "items": LOCATION},
-                                        },
-                                    },
-                                },
-                            },
-                        },
-                    },
-                    "columnKind": {"enum": ["utf16CodeUnits", "unicodeCodePoints"]},
-                    "results": {
-                        "type": "array",
-                        "items": {
-                            "type": "object",
-                            "required": ["message", "ruleId", "locations"],
-                            "properties": {
-                                "ruleId": {"type": "string"},
-                                "ruleIndex": {"type": "integer", "minimum": 0},
-                                "level": LEVEL,
-                                "message": TEXT,
-                                "locations": {"type": "array", "minItems": 1, "items": LOCATION},
-                                "partialFingerprints": {
-                                    "type": "object",
-                                    "additionalProperties": {"type": "string"},
-                                },
-                            },
-                        },
-                    },
-                },
-            },
-        },
-    },
-}  # fmt: skip
+RULE = an_object(
+    "id",
+    "shortDescription",
+    "help",
+    id=NAME,
+    shortDescription=TEXT,
+    fullDescription=TEXT,
+    help=TEXT,
+)
+DRIVER = an_object("name", name=NAME, rules=many(RULE, uniqueItems=True))
+NOTIFICATION = an_object("message", level=LEVEL, message=TEXT, locations=many(LOCATION))
+RESULT = an_object(
+    "message", "ruleId", "locations",
+    message=TEXT, ruleId=NAME, ruleIndex={"type": "integer", "minimum": 0}, level=LEVEL,
+    locations=many(LOCATION, minItems=1),
+    partialFingerprints={"type": "object", "additionalProperties": NAME},
+)  # fmt: skip
+RUN = an_object(
+    "tool", "results",
+    tool=an_object("driver", driver=DRIVER),
+    invocations=many(
+        an_object(
+            "executionSuccessful",
+            executionSuccessful={"type": "boolean"},
+            toolExecutionNotifications=many(NOTIFICATION),
+        )
+    ),
+    columnKind={"enum": ["utf16CodeUnits", "unicodeCodePoints"]},
+    results=many(RESULT),
+)  # fmt: skip
+SARIF = an_object(
+    "version", "runs",
+    **{"$schema": {"type": "string", "format": "uri"}}, version={"const": "2.1.0"}, runs=many(RUN),
+) | {"additionalProperties": False}  # fmt: skip
 """Properties that SARIF 2.1.0 (sections 3.13 to 3.58) and GitHub's code scanning require."""
 
 

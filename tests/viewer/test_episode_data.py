@@ -9,9 +9,8 @@ from moving import path_of, pushed
 from safestage_eval.evidence.intervals import exact
 from safestage_eval.units import in_unit
 from safestage_eval.verdicts.curves import Curve
-from safestage_eval.viewer.episode.episode_data import episode_data, looks
+from safestage_eval.viewer.episode.episode_data import differences, episode_data, looks
 from safestage_eval.viewer.episode.measured_curves import curve_data
-from safestage_eval.viewer.episode.stored_verdicts import StoredVerdicts, differences
 
 
 @pytest.fixture
@@ -84,10 +83,10 @@ def test_the_evidence_says_what_the_verdicts_say(again):
 
 def test_where_results_differ_is_said(again):
     verdicts = [again.usual(rule) for rule in again.assigned]
-    stored = StoredVerdicts({"ETS901": ("pass", ""), "ETS902": ("pass", "0" * 64)})
+    stored = {"ETS901": ("pass", ""), "ETS902": ("pass", "0" * 64)}
     differs = differences(verdicts, stored)
     assert differs[0].startswith("The results say pass of ETS901")
     assert differs[1] == "The results were made under another meaning of ETS902."
     assert head(episode_data(again, stored))["differs"] == list(differs)
-    same = StoredVerdicts({v.rule: (v.verdict, v.rule_digest) for v in verdicts})
+    same = {v.rule: (v.verdict, v.rule_digest) for v in verdicts}
     assert differences(verdicts, same) == ()

@@ -145,7 +145,7 @@ def underpowered(campaign: Campaign) -> Iterator[Defect]:
     for (one, (good, n)), (other, (well, m)) in combinations(rates.items(), 2):
         if one[1] != other[1] or not n or not m or good * m == well * n:
             continue
-        from safestage_eval.metrics.two_samples import smallest_difference
+        from safestage_eval.metrics.power import smallest_difference
 
         least = smallest_difference(n, m, (good + well) / (n + m))
         seen = abs(good / n - well / m)

@@ -17,7 +17,7 @@ const status = (finding) => (finding.assigned ?? finding.own) ? "assigned to thi
 export const counts = (data, finding) => finding.assigned || !data.findings.some((one) => one.assigned);
 
 /** The bodies that a violation is painted on: what is protected from them is not. */
-export function culprits(data, finding) {
+function culprits(data, finding) {
   const guarded = new Set(["protected", "fragile", "dependent"].flatMap((role) => data.roles[role] ?? []));
   const others = finding.bodies.filter((name) => !guarded.has(name));
   return others.length ? others : finding.bodies;

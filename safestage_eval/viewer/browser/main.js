@@ -10,7 +10,7 @@ import { writeHeadline } from "./run_headline.js";
 import { makeKeyboard } from "./keyboard.js";
 import { makeResults, showResults } from "./results_view.js";
 import { placeNow } from "./page_place.js";
-import { printEvidence, wordsFor } from "./appendix.js";
+import { wordsFor } from "./appendix.js";
 
 const live = document.body.dataset.carried === "live";
 let table = null, list = null, pane = null, refilter = null;
@@ -83,14 +83,6 @@ async function wait() {
   if (table.state?.problems) alarm(table.state.problems);
 }
 
-async function printing() {
-  if (!byId("results").hidden) return void globalThis.print();
-  const button = byId("print"), name = button.textContent;
-  button.disabled = true;
-  await printEvidence(table, list.places, (text) => { button.textContent = text || name; });
-  button.disabled = false;
-}
-
 async function start() {
   if (typeof DecompressionStream === "undefined") throw new Error("this browser is older than 2023");
   makeResults();
@@ -100,7 +92,7 @@ async function start() {
     enter: () => choose(list.chosen ?? list.places[0]).then(() => byId("pane").focus()),
     end: (by) => choose(list.places.at(by > 0 ? -1 : 0)),
   });
-  byId("print").onclick = printing;
+  byId("print").onclick = () => globalThis.print();
   addEventListener("hashchange", follow);
   addEventListener("beforeprint", () => { if (byId("results").hidden) wordsFor(table, list.places); });
   globalThis.safestage = { get pane() { return pane; }, get list() { return list; }, get table() { return table; } };

@@ -12,7 +12,7 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const meshes = new Map();  // name of a piece -> mesh
 
 /** The meshes that a film has in common with others, loaded. */
-export async function meshesOf(head) {
+async function meshesOf(head) {
   const names = head.meshes.map((mesh) => mesh.key).filter((key) => key !== undefined && !meshes.has(key));
   await Promise.all(names.map(async (name) => meshes.set(name, sharedMesh(await piece(name)))));
   return meshes;

@@ -10,17 +10,17 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.metrics import aggregate, outcomes_of, read_outcomes
-from safestage_eval.metrics.read_rows import read_rows
-from safestage_eval.rules import RuleSet, builtin_names, load_bind, load_rules
+from safestage_eval.metrics.read_rows import each_row
+from safestage_eval.rules import builtin_names
 from safestage_eval.run.score_many import score_many
-from safestage_eval.run.settings import Settings
+from safestage_eval.run.settings import Settings, load_settings
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.viewer.episode.stored_verdicts import stored_verdicts
+from safestage_eval.viewer.episode.episode_data import stored_verdicts
 
 from .episode_pieces import pieces
 from .overview import Report
-from .run_list import RANK, worst
+from .run_list import RANK, Row, Rows, by_episode, is_told, worst
 
 COLUMNS = (
     "episode_id", "task", "stage", "policy", "prompt", "seed", "rollout", "success", "rule", "assigned",
@@ -35,105 +35,121 @@ MOST = 250
 
 ALLOWED = "results of safestage score, or an outcome table (docs/results.md)"
 
-Rows = dict[str, list[Mapping[str, Any]]]
-
 
 def compose(
     results: str | Path,
     traces: Sequence[str | Path] = (),
-    rules: Sequence[str | Path] = (),
+    settings: Settings | None = None,
     *,
     title: str | None = None,
-    overrides: Mapping[str, str] | None = None,
-    bind: str | Path | None = None,
-    most: int | None = MOST,
-    jobs: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    folder: Path | None = None,
+    **more: Any,
 ) -> Report:
     """Read results, and gather the evidence of the episodes whose traces are there.
 
     Args:
         results: a file that ``safestage score`` wrote, or a bare table of outcomes.
         traces: files and folders with the episodes of the results.
-        rules: rule files by which the results were made; all built-in ones if empty.
+        settings: what the results were made with; all built-in rules if None.
         title: of the page.
-        overrides: parameters, as written, that the results were made with.
-        bind: the bind file that they were made with.
-        most: episodes with evidence at most, violations first; None for all.
-        jobs: worker processes.
-        progress: called with (done, total) episodes.
-        folder: where the evidence is written; None: it is kept.
+        more: as for ``evidence``.
 
     Raises:
         InputError: the results cannot be read or lack a column, or no trace belongs to them.
         TraceError: nothing was found where traces should be.
     """
     outcomes = read_outcomes([results])[""]
-    counts = aggregate(outcomes)
-    name = Path(results).name
-    heading = title or "Safety report"
-    rows = read_rows(results, COLUMNS, ALLOWED)
-    if not rows or "rule" not in rows[0]:
-        if traces:
-            raise InputError(
-                str(results),
-                "names no episodes, so traces cannot be matched to it.",
-                "results of safestage score",
-                "leave the traces out, or score them: safestage score TRACES -f parquet -o rows.parquet",
-            )
-        return Report(heading, name, counts, outcomes=outcomes)
-    if not traces:
-        return Report(heading, name, counts, rows)
-    by_episode: Rows = {}
-    for row in rows:
-        by_episode.setdefault(str(row["episode_id"]), []).append(row)
-    refs, notes = chosen(discover(list(traces)), by_episode, most)
-    loaded = load_rules(list(rules) or builtin_names())
-    drawn = pieces(
-        refs,
-        {ref.episode_id: stored_verdicts(by_episode[ref.episode_id]) for ref in refs},
-        loaded,
-        overrides=overrides,
-        bind=None if bind is None else load_bind(bind, loaded),
-        jobs=jobs,
-        progress=progress,
-        folder=folder,
+    rows = _rows(results)
+    told = bool(rows) and "rule" in rows[0]
+    report = Report(
+        title or "Safety report",
+        Path(results).name,
+        aggregate(outcomes),
+        rows if told else (),
+        outcomes=outcomes,
     )
-    return Report(heading, name, counts, rows, pieces=drawn, notes=notes, titles=_titles(loaded))
-
-
-def _titles(rules: RuleSet) -> dict[str, str]:
-    return {code: rule.title for code, rule in rules.rules.items()}
+    if traces and not told:
+        raise InputError(
+            str(results),
+            "names no episodes, so traces cannot be matched to it.",
+            "results of safestage score",
+            "leave the traces out, or score them: safestage score TRACES -f parquet -o rows.parquet",
+        )
+    if not traces:
+        return report
+    asked = settings or load_settings(builtin_names())
+    return evidence(report, discover(list(traces)), by_episode(rows), asked, **more)
 
 
 def rows_by_episode(results: str | Path) -> Rows:
     """The result rows of a file, by episode id. Raises InputError for one without episodes."""
-    rows = read_rows(results, COLUMNS, ALLOWED)
+    rows = _rows(results)
     if rows and "rule" not in rows[0]:
         raise InputError(str(results), "names no episodes.", "results of safestage score")
-    by_episode: Rows = {}
-    for row in rows:
-        by_episode.setdefault(str(row["episode_id"]), []).append(row)
-    return by_episode
+    return by_episode(rows)
+
+
+def _rows(results: str | Path) -> list[Row]:
+    """The rows that are shown, and one at least of every episode: of 300,000 that is a twentieth."""
+    seen: set[Any] = set()
+    kept: list[Row] = []
+    for row in each_row(results, COLUMNS, ALLOWED):
+        name = row.get("episode_id")
+        if name not in seen or ("rule" in row and is_told(row)):
+            seen.add(name)
+            kept.append(row)
+    return kept
+
+
+def evidence(
+    report: Report,
+    refs: Sequence[EpisodeRef],
+    rows: Rows,
+    settings: Settings,
+    *,
+    most: int | None = MOST,
+    **more: Any,
+) -> Report:
+    """A report with the evidence of its episodes.
+
+    Args:
+        report: of the rows.
+        refs: traces.
+        rows: by episode id.
+        settings: how the rows were judged.
+        most: episodes with evidence at most, violations first; None for all.
+        more: as for ``pieces``.
+
+    Raises InputError when no trace belongs to the rows.
+    """
+    shown, notes = chosen(refs, rows, most)
+    drawn = pieces(
+        shown,
+        {name: stored_verdicts(own) for name, own in rows.items()},
+        settings.rule_set,
+        overrides=settings.overrides,
+        bind=settings.bind,
+        **more,
+    )
+    titles = {code: rule.title for code, rule in settings.rule_set.rules.items()}
+    return replace(report, pieces=drawn, notes=notes, titles=titles)
 
 
 def chosen(
-    refs: Sequence[EpisodeRef], by_episode: Rows, most: int | None
+    refs: Sequence[EpisodeRef], rows: Rows, most: int | None
 ) -> tuple[list[EpisodeRef], list[str]]:
     """Choose the traces to draw, the gravest verdicts first, each episode once; and say which are left out.
 
     Raises InputError when none belongs to the results.
     """
-    by_id = {ref.episode_id: ref for ref in reversed(refs) if ref.episode_id in by_episode}
+    by_id = {ref.episode_id: ref for ref in reversed(refs) if ref.episode_id in rows}
     if not by_id:
         raise InputError(
             "TRACES",
             f"none of {len(refs)} episodes is in the results.",
             fix="name the traces that were scored",
         )
-    ordered = sorted(by_id, key=lambda name: (_gravity(by_episode[name]), name))
-    others = [name for name in by_id if _replaced(by_id[name], by_episode[name])]
+    ordered = sorted(by_id, key=lambda name: (_gravity(rows[name]), name))
+    others = [name for name in by_id if _replaced(by_id[name], rows[name])]
     notes = []
     if others:
         notes.append(
@@ -145,7 +161,7 @@ def chosen(
         notes.append(
             f"{len(ordered)} episodes of the results have traces; the {most} gravest have their evidence here."
         )
-    without = len(by_episode) - len(by_id)
+    without = len(rows) - len(by_id)
     if without:
         notes.append(f"{without} episodes of the results have no trace among those given.")
     return [by_id[name] for name in ordered[:most]], notes
@@ -169,12 +185,9 @@ def judged(
     title: str,
     source: str,
     *,
-    most: int | None = MOST,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-    folder: Path | None = None,
-    everything: bool = False,
-    sweep: bool = True,
+    **more: Any,
 ) -> Report:
     """Judge episodes that nobody has scored, and gather their evidence.
 
@@ -183,12 +196,9 @@ def judged(
         settings: how they are judged.
         title: of the page.
         source: where they come from, as readers should know it.
-        most: episodes with evidence at most, violations first; None for all.
         jobs: worker processes.
         progress: called with (done, total); every episode is counted twice.
-        folder: where the evidence is written; None: it is kept.
-        everything: rules that pass without being assigned as well.
-        sweep: find out on which limits verdicts depend.
+        more: as for ``evidence``.
 
     Raises:
         InputError: no episode can be judged.
@@ -201,28 +211,14 @@ def judged(
 
     results = score_many(refs, settings=settings, jobs=jobs, progress=counting_from(0))
     problems = tuple(result for result in results if isinstance(result, Problem))
-    rows = [row for result in results if isinstance(result, EpisodeResult) for row in result.rows()]
-    done = {result.episode_id for result in results if isinstance(result, EpisodeResult)}
-    if not done:
+    own: Rows = {r.episode_id: [*r.rows()] for r in results if isinstance(r, EpisodeResult)}
+    if not own:
         raise InputError(source, f"no episode can be judged: {problems[0].message}")
-    by_episode: Rows = {name: [] for name in done}
-    for row in rows:
-        by_episode[str(row["episode_id"])].append(row)
-    shown, notes = chosen(refs, by_episode, most)
-    drawn = pieces(
-        shown,
-        {name: stored_verdicts(own) for name, own in by_episode.items()},
-        settings.rule_set,
-        overrides=settings.overrides,
-        bind=settings.bind,
-        jobs=jobs,
-        progress=counting_from(len(refs)),
-        folder=folder,
-        everything=everything,
-        sweep=sweep,
-    )
-    drawn = replace(drawn, problems=(*problems, *drawn.problems))
-    counts = aggregate(outcomes_of(rows))
-    return Report(
-        title, source, counts, rows, pieces=drawn, notes=notes, titles=_titles(settings.rule_set)
-    )
+    rows = [row for some in own.values() for row in some]
+    report = evidence(
+        Report(title, source, aggregate(outcomes_of(rows)), rows), refs, own, settings, jobs=jobs,
+        progress=counting_from(len(refs)), **more,
+    )  # fmt: skip
+    assert report.pieces is not None
+    drawn = replace(report.pieces, problems=(*problems, *report.pieces.problems))
+    return replace(report, pieces=drawn)

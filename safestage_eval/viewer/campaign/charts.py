@@ -1,27 +1,18 @@
-"""Success against safety, stage profiles of each policy, and rates against limits."""
+"""Success against safety, and rates against limits."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
 
 from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
-from safestage_eval.metrics.rates import STAGES, Rates
+from safestage_eval.metrics.rates import Rates
 from safestage_eval.report.summary import open_share
 from safestage_eval.rules.syntax import amount
-from safestage_eval.viewer.campaign.svg import (
-    SHAPES,
-    Scale,
-    drawing,
-    line,
-    mark,
-    short,
-    text,
-    tick_text,
-    ticks,
-)
 from safestage_eval.whatif.sweep import Sweep
 from safestage_eval.whatif.swept_values import factor_of, text_of, unit_name
 
@@ -227,59 +218,6 @@ def _short(policy: str, prompt: str) -> str:
     return policy if prompt in ("–", "default") else f"{policy}, {prompt}"
 
 
-def profiles(aggregate: Aggregate) -> str:
-    """Draw the violation rate by stage, a panel for each policy."""
-    panels = "".join(_profile(aggregate, policy, i) for i, policy in enumerate(aggregate.policies))
-    return (
-        '<section id="profiles" aria-labelledby="profiles-title">'
-        '<h2 id="profiles-title">Stage profiles</h2>'
-        '<p class="soft">Violation rate by stage: hazards that were there before (ISH), while the robot '
-        "worked (ETS), and in what it left behind (FSH). Whiskers are 95 % intervals.</p>"
-        f'{_prompts(aggregate)}<div class="panels">{panels}</div></section>'
-    )
-
-
-def _profile(aggregate: Aggregate, policy: str, index: int) -> str:
-    prompts = [q for p, q in aggregate.pairs if p == policy]
-    row = 14.0
-    width, block = 340.0, row * len(prompts) + 10
-    x = Scale(0, 100, 44, width - 62)
-    parts, top = [], 6.0
-    height = top + block * len(STAGES)
-    for tick in (0, 25, 50, 75, 100):
-        parts += [
-            line(x(tick), top, x(tick), height, "grid"),
-            text(x(tick), height + 14, str(tick), anchor="middle", css="tick soft"),
-        ]
-    for stage in STAGES:
-        parts.append(text(36, top + block / 2 + 4, stage, anchor="end", css="stage"))
-        for i, prompt in enumerate(prompts):
-            y = top + 5 + row * (i + 0.5)
-            cell = aggregate.group(policy, prompt, stage).whole
-            n = cell.n + cell.inconclusive
-            if not n:
-                parts.append(text(x(0) + 4, y + 4, "no rollouts", css="tick soft"))
-                continue
-            rate, (low, high) = open_share(cell, "VR"), _ends(cell, "VR")
-            said = f"{policy}, {prompt}, {stage}: {rate} % of {n}"
-            ends = wilson(cell.counts["VR"], n) if not cell.inconclusive else None
-            drawn = (100 * ends[0], 100 * ends[1]) if ends else (low, high)
-            css = f"{'whisker' if ends else 'open'} {series(index)}"
-            spot = shape(aggregate.prompts.index(prompt))
-            parts += [
-                line(x(drawn[0]), y, x(drawn[1]), y, css),
-                mark(spot, x((low + high) / 2), y, 5, f"mark {series(index)}", said),
-                text(width - 4, y + 4, f"{rate} %", anchor="end", css="tick"),
-            ]
-        top += block
-        parts.append(line(8, top, width - 4, top, "grid"))
-    title = f"Violation rate of {policy} by stage"
-    return (
-        f'<figure class="panel"><h3>{escape(policy)}</h3>'
-        f"{drawing(width, height + 20, title, parts, css='chart')}</figure>"
-    )
-
-
 def sensitivity(sweeps: Sequence[Sweep]) -> str:
     """Draw rates against the limits near whose values they move most; two lines where rollouts are undecided."""
     if not sweeps:
@@ -352,4 +290,94 @@ def _sweep(sweep: Sweep) -> str:
         f"{escape(', '.join(sweep.readers))}</span></h3>"
         f"{drawing(width, height, title, parts, css='chart')}"
         f'<ul class="legend">{"".join(items)}</ul></figure>'
+    )
+
+
+SHAPES = ("circle", "square", "triangle", "diamond")
+"""Marks that can be distinguished without colours."""
+
+
+def short(value: float, digits: int = 1) -> str:
+    """Write a coordinate with no more characters than it needs."""
+    text = f"{value:.{digits}f}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+def ticks(low: float, high: float, about: int = 4) -> list[float]:
+    """Choose round numbers from ``low`` to ``high``, about ``about`` of them."""
+    span = high - low
+    if not span > 0 or not math.isfinite(span):
+        return [low]
+    step = 10 ** math.floor(math.log10(span / about))
+    step *= min((m for m in (1, 2, 5, 10) if span / (step * m) <= about + 0.5), default=10)
+    first = math.ceil(low / step - 1e-9)
+    return [step * i for i in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def tick_text(value: float) -> str:
+    """Write the label of a tick."""
+    return f"{value:.6g}".replace("-", "−")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Values [low, high] onto coordinates [start, stop]."""
+
+    low: float
+    high: float
+    start: float
+    stop: float
+
+    def __call__(self, value: float) -> float:
+        """The coordinate of a value; values beyond the ends are drawn at the ends."""
+        span = self.high - self.low
+        part = (min(max(value, self.low), self.high) - self.low) / span if span else 0.5
+        return self.start + part * (self.stop - self.start)
+
+
+def mark(shape: str, x: float, y: float, size: float, css: str, title: str = "") -> str:
+    """One mark of ``SHAPES`` with its centre at (x, y)."""
+    said = f"<title>{escape(title)}</title>" if title else ""
+    if shape == "circle":
+        return f'<circle class="{css}" cx="{short(x)}" cy="{short(y)}" r="{short(size)}">{said}</circle>'
+    s = size
+    points = {
+        "square": [(-s, -s), (s, -s), (s, s), (-s, s)],
+        "triangle": [(0, -1.2 * s), (1.15 * s, 0.9 * s), (-1.15 * s, 0.9 * s)],
+        "diamond": [(0, -1.3 * s), (1.3 * s, 0), (0, 1.3 * s), (-1.3 * s, 0)],
+    }[shape]
+    at = " ".join(f"{short(x + dx)},{short(y + dy)}" for dx, dy in points)
+    return f'<polygon class="{css}" points="{at}">{said}</polygon>'
+
+
+def text(
+    x: float, y: float, said: str, *, anchor: str = "start", css: str = "", more: str = ""
+) -> str:
+    """A line of text; ``more`` are further attributes."""
+    return (
+        f'<text x="{short(x)}" y="{short(y)}"'
+        + (f' text-anchor="{anchor}"' if anchor != "start" else "")
+        + (f' class="{css}"' if css else "")
+        + (f" {more}" if more else "")
+        + f">{escape(said)}</text>"
+    )
+
+
+def line(x1: float, y1: float, x2: float, y2: float, css: str) -> str:
+    """A straight line."""
+    return (
+        f'<line class="{css}" x1="{short(x1)}" y1="{short(y1)}" x2="{short(x2)}" y2="{short(y2)}"/>'
+    )
+
+
+def drawing(
+    width: float, height: float, title: str, parts: Sequence[str], *, css: str = "", desc: str = ""
+) -> str:
+    """Write the ``<svg>`` element: as wide as its place allows, with a title that is read out."""
+    return (
+        f'<svg class="{css}" viewBox="0 0 {short(width)} {short(height)}" role="img"'
+        f' aria-label="{escape(title)}{escape(". " + desc if desc else "")}">'
+        f"<title>{escape(title)}</title>{''.join(parts)}</svg>"
     )

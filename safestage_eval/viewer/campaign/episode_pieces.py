@@ -16,8 +16,12 @@ from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.viewer.camera_film import film_of
-from safestage_eval.viewer.episode.episode_data import episode_data, listed
-from safestage_eval.viewer.episode.stored_verdicts import StoredVerdicts, differences
+from safestage_eval.viewer.episode.episode_data import (
+    StoredVerdicts,
+    differences,
+    episode_data,
+    listed,
+)
 from safestage_eval.viewer.packed import packed, script
 from safestage_eval.whatif.each_episode import each_episode
 from safestage_eval.whatif.judge_again import Again
@@ -141,7 +145,7 @@ def draw(
     episode = ref.open()
     again = Again(episode, rules, overrides, bind)
     name = episode.header.episode_id
-    stored = said.get(name, StoredVerdicts({}))
+    stored = said.get(name, {})
     meshes: dict[str, bytes] = {}
     content = episode_data(again, stored, everything=everything, shared=meshes)
     made = {names[ref.episode_id]: packed(content)}

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
+from urllib.parse import quote
 
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.aggregate import Aggregate
+from safestage_eval.metrics.interval import wilson
+from safestage_eval.metrics.rates import METRICS, STAGES, Rates
+from safestage_eval.metrics.seeds import total
 from safestage_eval.report import aggregate_report
+from safestage_eval.report.summary import coverage, percent_between, summary, unsafe_successes
 from safestage_eval.version import __version__
 
-from . import charts, headline, heatmap, rules_broken
+from . import charts
 from .episode_pieces import Pieces
 
 
@@ -46,10 +52,10 @@ def overview(report: Report) -> list[str]:
     counts = report.counts
     sweeps = report.pieces.sweeps if report.pieces is not None else ()
     parts = {
-        "Headline": headline.headline(counts),
+        "Headline": headline(counts),
         "Success and safety": charts.success_and_safety(counts),
-        "Rules broken most": rules_broken.rules_broken(report.rows, report.titles),
-        "Tasks": heatmap.heatmap(counts),
+        "Rules broken most": rules_broken(report.rows, report.titles),
+        "Tasks": heatmap(counts),
         "Thresholds": charts.sensitivity(sweeps),
         "Details": _details(counts),
     }
@@ -68,10 +74,10 @@ def _menu(parts: Mapping[str, str]) -> str:
 def _details(counts: Aggregate) -> str:
     uneven = "".join(f"<li>{escape(problem.message)}</li>" for problem in counts.problems)
     return (
-        '<details id="details"><summary><h2>Details</h2> result tables, stages</summary>'
+        '<details id="details"><summary><h2>Details</h2> result tables</summary>'
         f'<section id="tables" aria-label="Result tables">{aggregate_report.render(counts, "html")}'
         + (f'<ul class="small">{uneven}</ul>' if uneven else "")
-        + f"</section>{charts.profiles(counts)}</details>"
+        + "</section></details>"
     )
 
 
@@ -116,3 +122,171 @@ def _footer(report: Report) -> str:
     made += f"; results of version {', '.join(versions)}." if versions else "."
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<footer><h2>How to read this</h2><ul>{items}</ul><p class="small">{escape(made)}</p></footer>'
+
+
+WORDS = {
+    "SR": ("Success rate", "reached the goal"),
+    "SSR": ("Safe success rate", "reached it, and broke no rule"),
+    "USR": ("Unsafe success rate", "reached it, and broke a rule"),
+    "VR": ("Violation rate", "broke a rule, whether they reached the goal or not"),
+}
+"""Metric → its name, and what counts."""
+
+
+def interval(k: int, n: int) -> str:
+    """Wilson's 95 % interval of k of n."""
+    bounds = wilson(k, n)
+    return "–" if bounds is None else f"{100 * bounds[0]:.1f}–{100 * bounds[1]:.1f} %"
+
+
+def headline(aggregate: Aggregate) -> str:
+    """Write what became of the successes, then a tile for each rate."""
+    whole = aggregate.whole
+    tiles = "".join(_tile(whole, metric) for metric in METRICS)
+    said = " · ".join(unsafe_successes(whole)) or coverage(whole)
+    items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
+    return (
+        '<section id="headline" aria-labelledby="headline-title">'
+        '<h2 id="headline-title" class="visually-hidden">Headline</h2>'
+        f'<p class="lead">{escape(said)}</p><dl class="tiles">{tiles}</dl>'
+        f'<p class="small soft">{escape(coverage(whole))}.</p>'
+        + (f'<ul class="small soft">{items}</ul>' if items else "")
+        + "</section>"
+    )
+
+
+def _tile(whole: Rates, metric: str) -> str:
+    """A rate over all that were judged: an interval where some are undecided."""
+    name, meaning = WORDS[metric]
+    total, surely = whole.n + whole.inconclusive, whole.counts[metric] + whole.surely[metric]
+    open_ = whole.maybe[metric] - whole.surely[metric]
+    of_all = f"{surely:,} of {total:,} {meaning}" + (f", {open_:,} undecided" if open_ else "")
+    below = "" if open_ else f"95 % interval {interval(surely, total)}"
+    return (
+        f'<div class="tile {metric.lower()}"><dt>{name} <abbr>{metric}</abbr></dt>'
+        f'<dd><span class="big">{percent_between(*(whole.bounds(metric) or (None, None)))}</span>'
+        f'<span class="soft">{of_all}</span><span class="soft">{below}</span></dd></div>'
+    )
+
+
+SHOWN_RULES = 12
+"""Rules that are listed."""
+
+
+def rules_broken(rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> str:
+    """A row per rule that its episodes violate, the one with most violations first; empty without any."""
+    found: dict[str, Counter[str]] = {}
+    for row in rows:
+        if row.get("assigned") and row.get("verdict") is not None:
+            found.setdefault(str(row["rule"]), Counter())[str(row["verdict"])] += 1
+    order = sorted(found, key=lambda rule: (-found[rule]["violation"], rule))
+    broken = [rule for rule in order if found[rule]["violation"]]
+    if not broken:
+        return ""
+    most = found[broken[0]]["violation"]
+    body = "".join(
+        _rule_row(rule, found[rule], titles.get(rule, ""), most) for rule in broken[:SHOWN_RULES]
+    )
+    more = len(broken) - SHOWN_RULES
+    return (
+        '<section id="rules" aria-labelledby="rules-title"><h2 id="rules-title">Rules broken most</h2>'
+        '<div class="scroll" tabindex="0" role="region" aria-label="Rules broken most"><table class="results rules">'
+        '<thead><tr><th scope="col">Rule</th><th scope="col">Asks</th><th scope="col" class="amount">Violated</th>'
+        '<th scope="col"><span class="visually-hidden">Share</span></th>'
+        f'<th scope="col" class="amount">Undecided</th></tr></thead><tbody>{body}</tbody></table></div>'
+        + (f'<p class="small soft">{more} more rules were violated.</p>' if more > 0 else "")
+        + "</section>"
+    )
+
+
+def _rule_row(rule: str, counts: Counter[str], title: str, most: int) -> str:
+    violated, asked = counts["violation"], counts.total() - counts["not_applicable"]
+    link = f"#rule={quote(rule)}&amp;verdict=violation"
+    bar = (
+        '<svg class="bar" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true">'
+        f'<rect class="q unsafe_success" width="{100 * violated / most:.1f}" height="10"/></svg>'
+    )
+    return (
+        f'<tr><th scope="row"><a href="{link}">{escape(rule)}</a></th><td>{escape(title)}</td>'
+        f'<td class="amount"><a href="{link}">{violated:,} of {asked:,}</a></td><td>{bar}</td>'
+        f'<td class="amount">{counts["inconclusive"] or "–"}</td></tr>'
+    )
+
+
+SHOWN_METRICS = ("VR", "USR", "SSR", "SR")
+"""Metrics that can be chosen; the first is shown at the beginning."""
+
+
+def heatmap(aggregate: Aggregate) -> str:
+    """A table with a row per task, the stages one after another, the worst tasks first."""
+    cells: dict[tuple[str, str], dict[tuple[str, str], list[Rates]]] = defaultdict(
+        lambda: defaultdict(list)
+    )
+    for (policy, prompt, stage, _, task, _), cell in aggregate.base.items():
+        cells[stage, task or "–"][policy, prompt].append(cell)
+    pairs = aggregate.pairs
+    summed = {
+        row: {pair: total(parts) for pair, parts in own.items()} for row, own in cells.items()
+    }
+    whole = {row: total(own.values()) for row, own in summed.items()}
+
+    def order(row: tuple[str, str]) -> tuple[int, float, str]:
+        stage = STAGES.index(row[0]) if row[0] in STAGES else len(STAGES)
+        return stage, -(whole[row].bounds("VR") or (0.0,))[0], row[1]
+
+    body, above = [], None
+    for row in sorted(summed, key=order):
+        stage, task = row
+        if stage != above:
+            body.append(
+                f'<tr class="group"><th scope="rowgroup" colspan="{len(pairs) + 2}">{escape(stage)}</th></tr>'
+            )
+            above = stage
+        data = "".join(
+            _cell(summed[row].get(pair), task=task, policy=pair[0], prompt=pair[1])
+            for pair in pairs
+        )
+        body.append(
+            f'<tr><th scope="row">{escape(task)}</th>{_cell(whole[row], task=task)}{data}</tr>'
+        )
+    spans: dict[str, int] = defaultdict(int)
+    for policy, _ in pairs:
+        spans[policy] += 1
+    top = "".join(
+        f'<th scope="colgroup" colspan="{count}">{escape(policy)}</th>'
+        for policy, count in spans.items()
+    )
+    second = "".join(f'<th scope="col">{escape(prompt)}</th>' for _, prompt in pairs)
+    choices = "".join(
+        f'<button type="button" data-metric="{m}" aria-pressed="{str(m == SHOWN_METRICS[0]).lower()}">{m}</button>'
+        for m in SHOWN_METRICS
+    )
+    return (
+        '<section id="heatmap" aria-labelledby="heatmap-title"><h2 id="heatmap-title">Tasks</h2>'
+        f'<p class="soft"><span id="heatmap-what">Violation rate</span> of each task in percent; '
+        "within a stage, the tasks with most violations first. A cell leads to its episodes.</p>"
+        f'<div class="choices no-print" role="group" aria-label="Rate">{choices}</div>'
+        '<div class="scroll tall" tabindex="0" role="region" aria-label="Rates by task"><table class="heat">'
+        f'<thead><tr><th scope="col" rowspan="2">Task</th><th scope="col" rowspan="2">All</th>{top}</tr>'
+        f"<tr>{second}</tr></thead><tbody>{''.join(body)}</tbody></table></div></section>"
+    )
+
+
+def _cell(cell: Rates | None, **where: str) -> str:
+    """A share of all that were judged, an interval where some are undecided; it leads to its episodes."""
+    bounds = None if cell is None else cell.bounds(SHOWN_METRICS[0])
+    if cell is None or bounds is None:
+        return '<td class="none">–</td>'
+    least = " ".join(str(cell.counts[metric] + cell.surely[metric]) for metric in SHOWN_METRICS)
+    most = " ".join(str(cell.counts[metric] + cell.maybe[metric]) for metric in SHOWN_METRICS)
+    low, high = (f"{100 * bound:.0f}" for bound in bounds)
+    link = "&amp;".join(f"{name}={quote(value, safe='')}" for name, value in where.items())
+    return (
+        f'<td class="h{level(bounds[0])}" data-k="{least}" data-most="{most}" data-n="{cell.n + cell.inconclusive}">'
+        f'<a href="#{link}">{low if low == high else f"{low}–{high}"}</a></td>'
+    )
+
+
+def level(share: float) -> int:
+    """The shade, 0…10, of a share 0…1; only a share of 0 has shade 0."""
+    return 0 if share <= 0 else max(1, min(10, round(10 * share)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -27,31 +27,29 @@ FINDING = (
 )  # fmt: skip
 """Columns of findings; ``of`` is the place of the episode."""
 
+COLUMNS = {"episodes": EPISODE, "findings": FINDING}
+
 LABELS = ("task", "stage", "policy", "prompt")
 RANK = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 """Verdict → its place among those of an episode; the first decides."""
 
 
-def of_results(rows: Sequence[Row], pieces: Mapping[str, str]) -> dict[str, Table]:
-    """List the episodes of result rows; ``pieces``: id → name of the piece that holds its evidence."""
-    grouped: dict[str, list[Row]] = {}
+Rows = dict[str, list[Row]]
+
+
+def by_episode(rows: Iterable[Row]) -> Rows:
+    """Result rows by episode id, in the order in which episodes come first."""
+    grouped: Rows = {}
     for row in rows:
         grouped.setdefault(str(row["episode_id"]), []).append(row)
-    episodes, findings = _empty(EPISODE), _empty(FINDING)
-    tables = {"episodes": episodes, "findings": findings}
-    for place, (name, own) in enumerate(grouped.items()):
-        _append(
-            episodes,
-            {
-                "id": name,
-                "verdict": None,
-                "gravity": None,
-                **{key: _said(own[0].get(key)) for key in LABELS},
-                **{key: _whole(own[0].get(key)) for key in ("seed", "rollout")},
-                "success": truth(own[0].get("success"), name, "success"),
-                "piece": pieces.get(name, ""),
-            },
-        )
+    return grouped
+
+
+def of_results(rows: Sequence[Row], pieces: Mapping[str, str]) -> dict[str, Table]:
+    """List the episodes of result rows; ``pieces``: id → name of the piece that holds its evidence."""
+    tables = _tables()
+    for place, (name, own) in enumerate(by_episode(rows).items()):
+        _enter(tables, name, own[0], pieces.get(name, ""))
         judge(tables, place, own)
     return tables
 
@@ -63,45 +61,46 @@ def judge(tables: Mapping[str, Table], place: int, rows: Sequence[Row]) -> None:
     if (success := truth(rows[0].get("success"), episodes["id"][place], "success")) is not None:
         episodes["success"][place] = success
     for row in sorted(rows, key=_by_cause):
-        if _is_told(row):
+        if is_told(row):
             _append(findings, _finding(row, episodes["id"][place]) | {"of": place})
 
 
 def of_outcomes(outcomes: Sequence[Outcome]) -> dict[str, Table]:
     """List the rollouts of a bare table of outcomes."""
     said = {True: "violation", False: "pass", None: "inconclusive"}
-    episodes = _empty(EPISODE)
+    tables = _tables()
     for o in outcomes:
-        _append(
-            episodes,
-            {
-                "id": "",
-                "verdict": said[o.violation],
-                "gravity": None,
-                **{key: getattr(o, key) for key in (*LABELS, "seed", "rollout", "success")},
-                "piece": "",
-            },
-        )
-    return {"episodes": episodes, "findings": _empty(FINDING)}
+        facts = {key: getattr(o, key) for key in (*LABELS, "seed", "rollout", "success")}
+        _enter(tables, "", facts, "", said[o.violation])
+    return tables
 
 
 def of_traces(refs: Sequence[EpisodeRef]) -> dict[str, Table]:
     """List episodes that nobody has judged yet; their pieces are named by place."""
-    episodes = _empty(EPISODE)
+    tables = _tables()
     for place, ref in enumerate(refs):
-        _append(
-            episodes,
-            {
-                "id": ref.episode_id or ref.path.name,
-                "verdict": None,
-                "gravity": None,
-                **{key: _said(ref.fields.get(key)) for key in LABELS},
-                **{key: _whole(ref.fields.get(key)) for key in ("seed", "rollout")},
-                "success": ref.fields.get("success"),
-                "piece": piece_name(place),
-            },
-        )
-    return {"episodes": episodes, "findings": _empty(FINDING)}
+        _enter(tables, ref.episode_id or ref.path.name, ref.fields, piece_name(place))
+    return tables
+
+
+def _tables() -> dict[str, Table]:
+    return {name: {column: [] for column in columns} for name, columns in COLUMNS.items()}
+
+
+def _enter(
+    tables: Mapping[str, Table], name: str, facts: Row, piece: str, verdict: str | None = None
+) -> None:
+    """A line of episodes; ``facts`` are a result row, or fields of a header."""
+    line = {
+        "id": name,
+        "verdict": verdict,
+        "gravity": None,
+        **{key: _said(facts.get(key)) for key in LABELS},
+        **{key: _whole(facts.get(key)) for key in ("seed", "rollout")},
+        "success": truth(facts.get("success"), name, "success"),
+        "piece": piece,
+    }
+    _append(tables["episodes"], line)
 
 
 def piece_name(place: int) -> str:
@@ -126,7 +125,8 @@ def _by_cause(row: Row) -> tuple[bool, int, bool, float]:
     return not row["assigned"], rank, follows, 0.0 if time is None else time
 
 
-def _is_told(row: Row) -> bool:
+def is_told(row: Row) -> bool:
+    """Whether a row is in the list: of a rule that counts, or violated."""
     return row["verdict"] is not None and bool(row["assigned"] or row["verdict"] == "violation")
 
 
@@ -145,10 +145,6 @@ def _finding(row: Row, name: str) -> dict[str, Any]:
         "text": (_said(row.get("explanation")) or "") if bad else "",
         "intervals": _intervals(row.get("intervals"), name) if row["verdict"] == "violation" else 0,
     }
-
-
-def _empty(names: Sequence[str]) -> Table:
-    return {name: [] for name in names}
 
 
 def _append(table: Table, values: Mapping[str, Any]) -> None:

@@ -7,6 +7,7 @@ the film as a whole.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,6 @@ from safestage_eval.viewer.film import film, packed_with
 from safestage_eval.whatif.judge_again import Again
 
 from .measured_curves import curve_data, lane_data, runs, spans_of
-from .stored_verdicts import StoredVerdicts, differences
 from .witness_segment import witness
 
 ORDER = ("violation", "inconclusive", "pass", "not_applicable")
@@ -34,7 +34,7 @@ Finding = tuple[ast.Scoped, Verdict]
 
 def episode_data(
     again: Again,
-    said: StoredVerdicts | None = None,
+    said: StoredVerdicts = MappingProxyType({}),
     *,
     everything: bool = False,
     shared: dict[str, bytes] | None = None,
@@ -44,7 +44,7 @@ def episode_data(
 
     Args:
         again: the episode under its rules.
-        said: what stored results say of it, where there are any.
+        said: what stored results say of it; empty where there are none.
         everything: rules that pass without being assigned as well.
         shared: meshes of films, as for ``film``.
         film_at: address of its camera film, from the page.
@@ -52,7 +52,6 @@ def episode_data(
     episode, judge = again.episode, again.judge
     header, t = episode.header, np.asarray(episode.t, float)
     findings = listed(again, everything=everything)
-    stored = said or StoredVerdicts({})
     head: dict[str, Any] = {
         "format": 1,
         "id": header.episode_id,
@@ -68,7 +67,7 @@ def episode_data(
         "end": float(t[-1]),
         "roles": {role: list(names) for role, names in again.binding.roles.items() if names},
         "notes": list(header.notes),
-        "differs": list(differences([v for _, v in findings if v.assigned], stored)),
+        "differs": list(differences([v for _, v in findings if v.assigned], said)),
         "phases": _phases(again),
         "findings": [_finding(again, *pair, curves=i < MOST) for i, pair in enumerate(findings)],
     }
@@ -189,3 +188,31 @@ def _facts(v: Verdict) -> list[list[str]]:
         several = "one stretch" if len(v.intervals) == 1 else f"{len(v.intervals)} stretches"
         facts.append(["in violation", f"{v.exposure_time:.2f} s in {several}"])
     return facts
+
+
+StoredVerdicts = Mapping[str, tuple[str, str]]
+"""Code → (verdict, rule digest) of the assigned rules of an episode."""
+
+
+def stored_verdicts(rows: Sequence[Mapping[str, Any]]) -> StoredVerdicts:
+    """Read the rows of one episode."""
+    return {
+        str(row["rule"]): (str(row["verdict"]), str(row.get("rule_digest") or ""))
+        for row in rows
+        if row["assigned"] and row["verdict"] is not None
+    }
+
+
+def differences(verdicts: Sequence[Verdict], said: StoredVerdicts) -> tuple[str, ...]:
+    """List where results and the rules used here disagree; always shown."""
+    sentences = []
+    for v in verdicts:
+        verdict, digest = said.get(v.rule, ("", ""))
+        if verdict and verdict != v.verdict:
+            sentences.append(
+                f"The results say {verdict.replace('_', ' ')} of {v.rule}; the rules used for this "
+                f"page say {v.verdict.replace('_', ' ')}."
+            )
+        elif digest and digest != v.rule_digest:
+            sentences.append(f"The results were made under another meaning of {v.rule}.")
+    return tuple(sentences)
