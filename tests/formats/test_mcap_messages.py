@@ -77,9 +77,7 @@ def test_frames(kinds, cuts, count):
         assert (found["frame_index"][n], found["time"][n]) == (n, expected.time)
         for name in PACKED:
             assert found[name][n].tolist() == list(getattr(expected, name))
-    assert {found[name].shape for name in PACKED} == {
-        (count, width) for width in (0, 1, 3, 6, 8)
-    }
+    assert {found[name].shape for name in PACKED} == {(count, width) for width in (0, 1, 3, 6, 8)}
 
 
 # ---------------------------------------------------------------- contacts

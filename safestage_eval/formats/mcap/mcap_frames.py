@@ -119,7 +119,9 @@ def are_sound(columns: dict[str, NDArray[Any]]) -> bool:
     turns = columns["body_orientation"]
     with np.errstate(all="ignore"):
         total = sum(float(columns[f"body_{name}"].sum()) for name in TRACK_COLUMNS)
-        w, x, y, z = np.moveaxis(np.square(turns[:, : turns.shape[1] // 4 * 4]).reshape(-1, 4), 1, 0)
+        w, x, y, z = np.moveaxis(
+            np.square(turns[:, : turns.shape[1] // 4 * 4]).reshape(-1, 4), 1, 0
+        )
         off = np.abs(w + x + y + z - 1).max(initial=0)
         return bool(np.isfinite(total) and off < UNIT_TOLERANCE)
 

@@ -235,7 +235,9 @@ def _check(episode: Episode, metadata: McapMetadata, sound: bool) -> None:
         raise errors[0]
 
 
-def _tracks(metadata: McapMetadata, columns: dict[str, NDArray[Any]], where: str) -> dict[str, Track]:
+def _tracks(
+    metadata: McapMetadata, columns: dict[str, NDArray[Any]], where: str
+) -> dict[str, Track]:
     moving = metadata.moving_bodies
     for name, width in _TRACK_FIELDS.items():
         block = columns[f"body_{name}"]
