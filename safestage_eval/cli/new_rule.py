@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,12 +15,13 @@ from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.names import a_dimension
+from safestage_eval.rules.uses import own_params, uses_of
 from safestage_eval.signals import SIGNALS
 from safestage_eval.sketch import read
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts.ask import ask
 
-ENOUGH = 12
+ENOUGH = 6
 """Scenes of one cast that are measured before two of them are chosen."""
 
 RULE = """\
@@ -152,8 +154,11 @@ def _scenes(spec: Signal, op: str) -> tuple[tuple[str, ...], Measured, Measured]
 
 
 def _measured(spec: Signal, op: str) -> Iterator[tuple[tuple[str, ...], Measured]]:
-    """Roles and the worst value, of each built-in scene that can be asked."""
-    for path in sorted((builtin_folder() / "examples").glob("*.toml")):
+    """Roles and the worst value, of each built-in scene that can be asked; the likeliest scenes first."""
+    folder = builtin_folder() / "examples"
+    told = [f"{name.partition('(')[0]}.toml" for name in _examples_about(spec.name)]
+    every = [folder / name for name in told] + sorted(folder.glob("*.toml"))
+    for path in dict.fromkeys(every):
         episode = read(path)
         header, kinds = episode.header, {body.name: body.kind for body in episode.header.bodies}
         names = set(kinds) if not spec.joints else {joint.name for joint in header.joints}
@@ -171,6 +176,19 @@ def _measured(spec: Signal, op: str) -> Iterator[tuple[tuple[str, ...], Measured
         worst = float(np.max(series.upper) if op == "<=" else np.min(series.lower))
         if np.isfinite(worst):
             yield roles, Measured(worst, path)
+
+
+def _examples_about(signal: str) -> list[str]:
+    """The scenes that rules name whose verdicts hang on a signal."""
+    rules = load_rules(builtin_names())
+    return [
+        name
+        for rule in rules.rules.values()
+        if signal in uses_of(rules, rule, own_params(rules, rule)).signals
+        for pair in zip_longest(rule.passes, rule.violates)
+        for name in pair
+        if name is not None
+    ]
 
 
 def _between(good: float, bad: float, dimension: str) -> str:

@@ -41,7 +41,7 @@ BESIDE = 2e-4
 PIECE = 2e-3
 """m. Edges near walls are judged piece by piece."""
 
-AT_ONCE = 32
+AT_ONCE = 8
 """Pieces of an edge that are looked at together, the nearest first."""
 
 ALIKE = np.tan(np.deg2rad(2.0))
@@ -266,6 +266,7 @@ class _Edge:
         self._half = np.sqrt((along**2).sum(1)) / 2
         self._out = np.stack([along[:, 1], -along[:, 0]], 1) / (2 * self._half[:, None])
         self._middle, self._piece = pieces.mean(1), shapely.linestrings(pieces)
+        self._point = shapely.points(self._middle)
         rounded = np.round(surface.edge_plane / ROUNDED) * ROUNDED
         planes, plane = np.unique(rounded, axis=0, return_inverse=True)
         self._planes, self._plane = [tuple(one) for one in planes.tolist()], plane[which]
@@ -311,7 +312,7 @@ class _Edge:
 
         The way starts a little inside the base, because what touches a wall overlaps it a little.
         """
-        way = shapely.shortest_line(self._rim[pose], shapely.points(self._middle[piece]))
+        way = shapely.shortest_line(self._rim[pose], self._point[piece])
         start, end = np.moveaxis(shapely.get_coordinates(way).reshape(-1, 2, 2), 1, 0)
         inward = self._core[pose] - start
         norm = np.maximum(np.hypot(*inward.T), 1e-300)[:, None]

@@ -28,7 +28,7 @@ CORNERS = 4096
 a little wider than DEPTH_TOLERANCE, and holds the depth as well."""
 
 AT_ONCE = 16
-"""Nearest faces at which the polytope grows in one step."""
+"""Nearest faces at which the polytope grows in one step; or an eighth of its corners, if that is more."""
 
 
 def penetration_depth(
@@ -54,12 +54,13 @@ def penetration_depth(
         )
     while True:
         height = -hull.equations[:, -1]
-        nearest = np.argsort(height)[: 4 * AT_ONCE]
+        many = max(AT_ONCE, len(hull.points) // 8)
+        nearest = np.argsort(height)[: 4 * many]
         lower = max(lower, float(height[nearest[0]]))
         if upper - lower <= DEPTH_TOLERANCE or upper <= enough or len(hull.points) >= CORNERS:
             break
         normals = np.unique(np.round(hull.equations[nearest, :-1], 9), axis=0, return_index=True)[1]
-        rows = nearest[np.sort(normals)[:AT_ONCE]]
+        rows = nearest[np.sort(normals)[:many]]
         points, reach = _reach(farthest, hull.equations[rows, :-1])
         upper = min(upper, float(reach.min()))
         beyond = reach > height[rows] + 1e-15 * (1 + np.abs(points).max())

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .mover import Mover
-from .pose import unit
 
+F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 STILL = 5e-5
 """m. Outlines of bodies no point of which has moved by as much are not computed anew."""
@@ -21,43 +22,51 @@ BLOCK = 128
 FARTHEST = 100.0
 """m. Of planes, points further from their origin than this are not looked at."""
 
+TINY = np.finfo(np.float64).tiny
+
 
 def first_alike(movers: Sequence[Mover], frames: I64, apart: float = STILL) -> I64:
     """(N,) for each of the frames (N,) one at which all bodies are where they are then.
 
-    No point of any is further than ``apart`` (m) from there. It is the first such frame of the
-    frame's block that has none before it itself, whichever frames are asked for. Where nothing can
-    move, all frames have the first one.
-
-    Raises ValueError where an orientation is no rotation (norm 0 or not finite).
+    No point of any is further than ``apart`` (m) from there. It is the last frame of the last block
+    that ends as the frame's own block does, or else the first frame of that block that has none
+    before it itself, whichever frames are asked for. Where nothing can move, all frames have the first one.
     """
     moving = [mover for mover in movers if len(mover) > 1]
-    first = np.full(len(frames), frames[0] if len(frames) else 0, np.int64)
-    if not moving:
-        return first
+    if not moving or not len(frames):
+        return np.full(len(frames), frames[0] if len(frames) else 0, np.int64)
     total = min(len(mover) for mover in moving)
+    ends = np.arange(total - 1, -1, -BLOCK)
+    home = ends[_first_near(_near(moving, ends[:, None], ends, apart))]
     blocks = (total - 1 - frames) // BLOCK
-    for block in np.unique(blocks):
-        asked = blocks == block
-        start, end = max(total - (int(block) + 1) * BLOCK, 0), int(frames[asked].max()) + 1
-        near = np.ones((end - start, end - start), np.bool_)
-        for mover in moving:
-            near &= _moved(mover, start, end) <= apart
-        alike = np.full(len(near), -1)
-        for frame, row in enumerate(near):
-            if alike[frame] < 0:
-                alike[row & (alike < 0)] = frame
-        first[asked] = start + alike[frames[asked] - start]
+    first = home[blocks]
+    away = np.flatnonzero(~_near(moving, frames, first, apart))
+    for block in np.unique(blocks[away]):
+        asked = away[blocks[away] == block]
+        rows = np.arange(max(ends[block] - BLOCK + 1, 0), int(frames[asked].max()) + 1)
+        alike = _first_near(_near(moving, rows[:, None], rows, apart))
+        first[asked] = rows[alike[frames[asked] - rows[0]]]
     return first
 
 
-def _moved(mover: Mover, start: int, end: int) -> NDArray[np.float64]:
-    """(N, N) m, how far at most a point of a body is at one frame from where it is at another."""
-    far = min(float(np.linalg.norm(mover.shape.centre) + mover.shape.radius), FARTHEST)
-    position = mover.position[start:end].astype(np.float64)
-    position -= position.mean(0)
-    square = (position**2).sum(1)
-    way = square[:, None] + square - 2 * position @ position.T
-    turn = unit(mover.orientation[start:end])
-    cosine = np.minimum(np.abs(turn @ turn.T), 1.0)  # of half the angle
-    return np.asarray(np.sqrt(np.maximum(way, 0)) + 2 * far * np.sqrt(1 - cosine**2))
+def _first_near(near: Bool) -> I64:
+    """(N,) of each row the first near it (N, N) that has none before it itself."""
+    first = np.full(len(near), -1)
+    for row, others in enumerate(near):
+        if first[row] < 0:
+            first[row] = row
+            first[others & (first < 0)] = row
+    return first
+
+
+def _near(movers: Sequence[Mover], some: I64, others: I64, apart: float) -> Bool:
+    """Whether no point of any body is further apart than so many m at some frames and at others."""
+    near = np.ones(np.broadcast_shapes(some.shape, others.shape), np.bool_)
+    for mover in movers:
+        far = min(float(np.linalg.norm(mover.shape.centre) + mover.shape.radius), FARTHEST)
+        position, turn = mover.position.astype(np.float64), mover.orientation.astype(np.float64)
+        turn /= np.maximum(np.sqrt((turn**2).sum(1, keepdims=True)), TINY)
+        way = np.sqrt(((position[some] - position[others]) ** 2).sum(-1))
+        cosine = np.minimum(np.abs((turn[some] * turn[others]).sum(-1)), 1.0)  # of half the angle
+        near &= way + 2 * far * np.sqrt(1 - cosine**2) <= apart
+    return near

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -36,24 +38,42 @@ class Row(NamedTuple):
     peak: float | None = None
 
 
-class View(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class View:
     """A body at the present frame.
 
     Attributes:
+        solid: the body.
         key: its pose as bytes, to tell whether it has moved.
         pose: body frame to world.
         centre: (3,) m, world, of mass.
         bottom: (N, 3) m, world, its lowest points; none of what stands on nothing.
-        base: (H, 2) m, their convex hull seen from above.
-        faces: upward ones: unit normal (3,), corners (N, 3) m and their hull (H, 2) from above.
+        around: (3,) m, world, the middle of a ball around it.
     """
 
+    solid: Solid
     key: bytes
     pose: Pose
     centre: F64
     bottom: F64
-    base: F64
-    faces: list[tuple[F64, F64, F64]]
+    around: F64
+
+    @cached_property
+    def base(self) -> F64:
+        """(H, 2) m, the convex hull of the bottom seen from above."""
+        return convex_hull(self.bottom[:, :2]) if len(self.bottom) else self.bottom[:, :2]
+
+    @cached_property
+    def faces(self) -> list[tuple[F64, F64]]:
+        """Upward ones: unit normal (3,), corners (N, 3) m. What grips or only marks a place has none."""
+        if self.solid.body.kind in ("gripper", "region"):
+            return []
+        return self.solid.faces(self.pose)
+
+    def far_from(self, other: View) -> bool:
+        """Whether no point of the two can be closer than ``GAP``."""
+        reach = self.solid.shape.radius + other.solid.shape.radius + GAP
+        return bool(((self.around - other.around) ** 2).sum() > reach**2)
 
 
 _Point = tuple[str, int, F64, F64]
@@ -118,15 +138,9 @@ class Resting:
         if name in self._views and self._views[name].key == key:
             return self._views[name]
         solid = self._solids[name]
-        bottom, faces = np.empty((0, 3)), []
-        if name in self._stands:
-            bottom = solid.bottom(pose)
-        if solid.body.kind not in ("gripper", "region"):
-            faces = [(n, c, convex_hull(c[:, :2])) for n, c in solid.faces(pose)]
-        base = convex_hull(bottom[:, :2]) if len(bottom) else bottom[:, :2]
-        self._views[name] = View(
-            key, pose, pose[0] + _turned(pose, solid.body.com), bottom, base, faces
-        )
+        bottom = solid.bottom(pose) if name in self._stands else np.empty((0, 3))
+        com, middle = (pose[0] + _turned(pose, v) for v in (solid.body.com, solid.shape.centre))
+        self._views[name] = View(solid, key, pose, com, bottom, middle)
         return self._views[name]
 
     def _meeting(self, name: str, other: str) -> list[_Point]:
@@ -134,7 +148,7 @@ class Resting:
         a, b = self._views[name], self._views[other]
         met = self._met.get((name, other))
         if met is None or met[:2] != (a.key, b.key):
-            met = a.key, b.key, self._found(a, other)
+            met = a.key, b.key, [] if a.far_from(b) else self._found(a, other)
             self._met[name, other] = met
         return met[2]
 
@@ -142,11 +156,11 @@ class Resting:
         middle, level = a.bottom[:, :2].mean(0), float(a.bottom[:, 2].min())
         pose = self._views[other].pose
         result: list[_Point] = []
-        for normal, corners, hull in self._views[other].faces:
-            face = normal, corners
+        for face in self._views[other].faces:
+            normal, corners = face
             if abs(level_at(face, middle) - level) > GAP:
                 continue
-            for point in _corners(_clipped(a.base, hull)):
+            for point in _corners(_clipped(a.base, convex_hull(corners[:, :2]))):
                 place = np.array([*point, level_at(face, point)])
                 result.append((other, _part_at(self._solids[other], pose, place), place, normal))
         return result
@@ -198,7 +212,7 @@ def _part_at(solid: Solid, pose: Pose, point: F64) -> int:
     return int((np.maximum(np.abs(away) - solids.half, 0) ** 2).sum(1).argmin())
 
 
-def _turned(pose: Pose, vector: Sequence[float]) -> F64:
+def _turned(pose: Pose, vector: Sequence[float] | F64) -> F64:
     from safestage_eval.geometry.pose import rotate
 
     return rotate(pose[1], np.array(vector))

@@ -77,7 +77,7 @@ def test_recordings_without_some_peaks_keep_their_verdicts(part):
 
 def test_recordings_of_peaks_alone_are_judged_as_those_without_forces():
     rules = load_rules(["ish"])
-    for ref in share([ref for ref in discover(TRACES) if "can_under_bottle" in ref.episode_id], 2):
+    for ref in share([ref for ref in discover(TRACES) if "can_under_bottle" in ref.episode_id], 4):
         episode, none = ref.open(), {}
         none["force"] = np.zeros_like(episode.contacts.force)
         alone = told(with_columns(episode, **none), rules, assigned_only=True)

@@ -64,7 +64,7 @@ EQUIVALENT = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("code", share(RULES.rules, 4))
+@pytest.mark.parametrize("code", share(RULES.rules, 8))
 def test_the_examples_notice_every_mistake(code: str) -> None:
     """A limit turned round or ten times off, a role exchanged, an obligation dropped, …"""
     found = hunt([RULES], code, LIBRARY, kinds=some_kinds(code))
@@ -73,7 +73,7 @@ def test_the_examples_notice_every_mistake(code: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", share(definitions(RULES), 4))
+@pytest.mark.parametrize("name", share(definitions(RULES), 8))
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str) -> None:
     found = hunt([RULES], name, LIBRARY, kinds=some_kinds(name))
     assert [mutant.what for mutant in found if mutant.killer is None] == []
