@@ -1,35 +1,4 @@
-"""Map files: facts about bodies and episodes that a source lacks (docs/import/map.md).
-
-::
-
-    [source]                             # the source itself
-    dt = "50 ms"
-    quaternion = "xyzw"
-
-    [every]                              # header fields of every episode …
-    policy = "pi0"
-    roles = { target = "mug", protected = ["vase"] }
-
-    [task.pour]                          # … of those of a task …
-    rules = ["ETS201"]
-
-    [episode.demo_3]                     # … and of one; it wins
-    success = true
-
-    [body.mug]                           # a body by its name in the source, or a pattern: "cube_*"
-    mass = 0.3
-    up = [0, 0, 1]
-    tags = ["fragile"]
-    shapes = [{ kind = "cylinder", size = ["4 cm", "5 cm"] }]
-
-    [in."PickCube*".body.cube]           # in some files or episodes alone
-    mass = 0.1
-
-    [body.table]                         # one that the source does not have: it needs a position
-    kind = "fixture"
-    position = [0, 0, "-2 cm"]
-    shapes = [{ kind = "box", size = [0.5, 0.5, 0.02] }]
-"""
+"""Map files: facts about bodies and episodes that a source lacks (docs/import/map.md)."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any, BinaryIO
 from zlib import crc32
 
-from safestage_eval.formats.mcap.mcap_chunks import unpack
+from safestage_eval.formats.mcap.mcap_records import unpack
 
 MAGIC = 8
 CHUNK = 6

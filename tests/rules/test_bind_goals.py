@@ -45,3 +45,37 @@ def test_recorded_against_recomputed(tmp_path, kind, task, names, rise, on, reac
     never = "the goal is never reached" in json.dumps(found)
     missed = "recorded as no success, but" in json.dumps(found)
     assert (never, missed) == (recorded and not reached, reached and not recorded)
+
+
+EDGE = 0.0468
+"""m, of Isaac Lab's cubes."""
+
+
+def cubes_stacked(one, two, three):
+    """Isaac Lab's own condition (stack/mdp/terminations.py) on the places of three cubes, but for the gripper."""
+    pairs = [(one, two), (two, three)]
+    beside = all(np.hypot(*(low - high)[:2]) < 0.04 for low, high in pairs)
+    near = all(abs(high[2] - low[2]) - EDGE < 0.005 for low, high in pairs)
+    return beside and near and one[2] < two[2] < three[2]
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.035, 0.045])
+@pytest.mark.parametrize("gap", [0.0, 0.004, 0.007])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2)])
+def test_isaac_labs_tower_is_its_own(tmp_path, aside, gap, order):
+    s = Scene(N, RATE).fixed("table", (0, 0, 0))
+    end = [
+        np.array([0, aside * (n == 2), EDGE / 2 + (EDGE + gap * (n == 2)) * n]) for n in range(3)
+    ]
+    up = np.clip(s.t / 2, 0, 1)[:, None]
+    for i, n in enumerate(order):
+        begin = np.array([0.2 * (n - 1), 0.3 * (n > 0), EDGE / 2])
+        s.box(f"cube_{i + 1}", EDGE / 2, begin + up * (end[n] - begin))
+    episode = s.episode(
+        task="Isaac-Stack-Cube-Franka-v0", success=True, success_time=float(s.t[-1])
+    )
+    save(episode, tmp_path / "e.mcap")
+    done = run("audit", tmp_path / "e.mcap", "--bind", "isaaclab", "--format", "json")
+    found = [each for each in json.loads(done.text)["findings"] if each["code"] == "AUD314"]
+    never = "the goal is never reached" in json.dumps(found)
+    assert never != cubes_stacked(*(end[n] for n in order))

@@ -11,7 +11,17 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from safestage_eval.episode import Episode, Geom, Mesh
 from safestage_eval.episode.scene_shapes import rotation_matrix
 
-from .urdf import COLOURS, PLANE_SIZE
+PLANE_SIZE = 4.0
+"""m, edge of the square that stands for an unbounded plane."""
+
+COLOURS = {
+    "robot": (0.55, 0.57, 0.60, 1.0),
+    "gripper": (0.25, 0.27, 0.30, 1.0),
+    "object": (0.85, 0.55, 0.20, 1.0),
+    "fixture": (0.75, 0.72, 0.66, 1.0),
+    "region": (0.30, 0.60, 0.90, 0.25),
+}
+"""Kind of body → r, g, b, a in viewers."""
 
 
 def to_scene(episode: Episode, nanoseconds: int) -> SceneUpdate:

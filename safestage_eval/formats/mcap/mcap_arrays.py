@@ -5,8 +5,8 @@ Every function checks a stated length against the bytes that are there before it
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from struct import Struct
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,27 @@ _start = Struct("<BQH").unpack_from
 _START = 11
 
 _CUT_OFF = "a record is longer than its chunk, or cut off"
+
+
+class Batch(NamedTuple):
+    """Messages of one topic that stand in one block of bytes, in file order.
+
+    Attributes:
+        raw: (N,) uint8, the block.
+        places: (M, 2) where the data of each message begins and ends in it.
+    """
+
+    raw: NDArray[np.uint8]
+    places: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """M."""
+        return len(self.places)
+
+    def messages(self) -> list[bytes]:
+        """Return the data of each message."""
+        view = self.raw.data
+        return [bytes(view[begin:end]) for begin, end in self.places.tolist()]
 
 
 def find_messages(
@@ -68,37 +89,21 @@ def find_messages(
     return at
 
 
-def copy_frames(
-    raw: NDArray[np.uint8],
-    places: NDArray[np.int64],
-    first: NDArray[np.uint8],
-    between: NDArray[np.intp],
-    moves: Iterable[tuple[int, int, int]],
-    rows: NDArray[np.uint8],
-) -> bool:
-    """Copy the fields of messages that are laid out like the first one, side by side.
+def alike(batch: Batch, between: NDArray[np.intp]) -> NDArray[np.uint8] | None:
+    """Return messages (M, S) that are laid out like the first one, side by side.
 
     Args:
-        raw: (N,) uint8.
-        places: (M, 2) where each message begins and ends.
-        first: (S,) uint8, a message.
-        between: (K,) which of its bytes are no values: all messages must share them.
-        moves: of each field, where its values begin in a message, how many bytes they are, and
-            where they begin in a row.
-        rows: (M, W) uint8 to be filled.
+        batch: the messages.
+        between: (K,) which of the first one's bytes are no values: all messages must share them.
 
     Returns:
-        False where a message is laid out in another way.
+        None where a message is laid out in another way.
     """
-    size = len(first)
-    if (places[:, 1] - places[:, 0] != size).any():
-        return False
-    messages = _bytes_at(raw, places[:, 0], size)
-    if (messages[:, between] != first[between]).any():
-        return False
-    for offset, length, to in moves:
-        rows[:, to : to + length] = messages[:, offset : offset + length]
-    return True
+    begin, end = batch.places[0].tolist()
+    if (batch.places[:, 1] - batch.places[:, 0] != end - begin).any():
+        return None
+    messages = _bytes_at(batch.raw, batch.places[:, 0], end - begin)
+    return None if (messages[:, between] != messages[0, between]).any() else messages
 
 
 def find_points(
@@ -133,13 +138,6 @@ def find_points(
     if (more | (at + length != end) | (length % size != 0)).any():
         return None
     return np.stack([at, end], 1)
-
-
-def copy_bytes(raw: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """Return the bytes at some places (M, 2), one after the other."""
-    view = raw.data
-    parts = [view[begin:end] for begin, end in places.tolist()]
-    return np.frombuffer(b"".join(parts), np.uint8)
 
 
 def _bytes_at(raw: NDArray[np.uint8], at: NDArray[np.int64], width: int) -> NDArray[np.uint8]:

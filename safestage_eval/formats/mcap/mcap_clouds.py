@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import ContactTable
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import POINT, RAW, table_points
-from safestage_eval.formats.frame_buffers import doubled
+from safestage_eval.formats.contact_points import POINT, table_points
 
-from .mcap_arrays import copy_bytes, find_points
-from .mcap_chunks import Batch
+from .mcap_arrays import Batch, find_points
 
 FIELDS = {
     **{name: ("position", i) for i, name in enumerate("xyz")},
@@ -42,9 +40,6 @@ _NUMBERS = {
 }
 _DATA = bytes([6 << 3 | 2])
 """Tag before the points, the last field of a PointCloud: its number, and that a length follows."""
-
-_POINTS = 1 << 19
-"""Points that there is room for from the start; memory that is not used costs nothing."""
 
 
 def empty_cloud() -> PointCloud:
@@ -94,52 +89,29 @@ class CloudPoints:
         # ours: a stamp, then always the same bytes, then the points
         own = empty_cloud().SerializeToString(deterministic=True) + _DATA
         self._own = np.frombuffer(own, np.uint8)
-        self._points = np.empty(_POINTS, POINT)
-        self._end = 0
-        self._counts: list[NDArray[np.int64]] = []
-        self._problem: TraceError | None = None
+        self._points: list[bytes] = []
+        self._counts: list[int] = []
 
     def take(self, batch: Batch) -> None:
-        """Keep the points of some more messages; ``points`` raises their errors, if they count."""
-        if self._problem is None:
-            places = find_points(batch.raw, batch.places, self._own, POINT.itemsize)
-            if places is None:
-                self._decode(batch)
-            else:
-                self._keep(batch.raw, places)
-        self.count += len(batch)
-
-    def points(self, frames: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
-        """Return the (C,) POINT of the first frames, and the (T,) number of points in each.
+        """Keep the points of some more messages.
 
         Raises:
             TraceError: a message is no point cloud, or lacks a field of contacts.
         """
-        counts = np.concatenate([np.zeros(0, np.int64), *self._counts])[:frames]
-        if self._problem is not None and len(counts) < frames:
-            raise self._problem
-        return self._points[: int(counts.sum())], counts
+        places = find_points(batch.raw, batch.places, self._own, POINT.itemsize)
+        if places is None:  # of writers that lay points out in another way
+            points = [_decoded(message, f"the contacts of frame {n}", self._where).tobytes()
+                      for n, message in enumerate(batch.messages(), self.count)]  # fmt: skip
+        else:
+            points = Batch(batch.raw, places).messages()
+        self._points += points
+        self._counts += [len(data) // POINT.itemsize for data in points]
+        self.count += len(batch)
 
-    def _keep(self, raw: NDArray[np.uint8], places: NDArray[np.int64]) -> None:
-        """Copy the points whose bytes are at ``places``."""
-        points = copy_bytes(raw, places).view(RAW)
-        begin, end = self._end, self._end + len(points)
-        while end > len(self._points):
-            self._points = doubled(self._points)
-        self._points[begin:end].view(RAW)[...] = points
-        self._counts.append((places[:, 1] - places[:, 0]) // POINT.itemsize)
-        self._end = end
-
-    def _decode(self, batch: Batch) -> None:
-        """Decode message by message, for writers that lay points out in another way."""
-        for n, message in enumerate(batch.messages(), self.count):
-            try:
-                points = _decoded(message, f"the contacts of frame {n}", self._where)
-            except TraceError as error:
-                self._problem = error
-                break
-            raw = np.frombuffer(points.tobytes(), np.uint8)
-            self._keep(raw, np.array([[0, len(raw)]]))
+    def points(self, frames: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
+        """Return the (C,) POINT of the first frames, and the (T,) number of points in each."""
+        points = np.frombuffer(b"".join(self._points[:frames]), POINT)
+        return points, np.array(self._counts[:frames], np.int64)
 
 
 def _decoded(message: bytes, name_: str, where: str) -> NDArray[Any]:

@@ -11,7 +11,7 @@ PROFILE = "safestage"
 """MCAP profile, and name of the metadata record with the header."""
 
 FRAME, CONTACTS, STATE = "/safestage/frame", "/safestage/contacts", "/safestage/state"
-TF, SCENE, ROBOT, EVENTS = "/tf", "/scene", "/robot_description", "/events"
+TF, SCENE, EVENTS = "/tf", "/scene", "/events"
 
 EPOCH_NS = 946_684_800 * 10**9
 """ns, log time of t = 0: 2000-01-01T00:00:00Z, so that times before the start have one too."""

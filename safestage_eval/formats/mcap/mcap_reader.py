@@ -30,9 +30,9 @@ from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import from_ply
 from safestage_eval.size_limits import current
 
-from .mcap_chunks import Batch
+from .mcap_arrays import Batch
 from .mcap_clouds import CloudPoints
-from .mcap_frames import F32, ROBOT_FIELDS, FrameRows
+from .mcap_frames import ROBOT_FIELDS, FrameRows, are_sound
 from .mcap_messages import CONTACTS, FRAME, PROFILE, STATE, message_class
 from .mcap_metadata import McapMetadata, from_texts
 from .mcap_records import (
@@ -106,7 +106,7 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
         TraceError: not a trace, cut off, damaged, or an invariant is broken.
     """
     where = str(path)
-    rows, clouds, states = FrameRows(), CloudPoints(where), _States()
+    rows, clouds, states = FrameRows(where), CloudPoints(where), _States()
     sinks = {FRAME: rows.take, CONTACTS: clouds.take, STATE: states.take}
     records = walk(path, sinks, where)
     texts = records.metadata.get(PROFILE)
@@ -133,8 +133,8 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
             "one per frame, or none at all",
         )
     current().demand("frames", count, where)
-    columns, index, t = rows.columns(count, where)
-    if not np.array_equal(index, np.arange(count)):
+    columns = rows.columns(count)
+    if not np.array_equal(columns["frame_index"][:, 0], np.arange(count)):
         raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
     points, counts = clouds.points(min(count, clouds.count))
     current().demand("contacts", int(counts.max(initial=0)), where)
@@ -143,11 +143,11 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     full = states.first(count, where)
     names = GeomNames(metadata.header)
     episode = _episode(
-        path, metadata, records, columns, t, full, checked,
+        path, metadata, records, columns, full, checked,
         lambda: read_contacts(points, counts, names, where, checked=checked),
     )  # fmt: skip
     if checked:
-        _check(episode, metadata, rows.sound)
+        _check(episode, metadata, are_sound(columns))
     return episode
 
 
@@ -155,8 +155,7 @@ def _episode(
     path: Path,
     metadata: McapMetadata,
     records: McapRecords,
-    columns: dict[str, F32],
-    t: NDArray[np.float64],
+    columns: dict[str, NDArray[Any]],
     states: dict[int, NDArray[np.float64]],
     checked: bool,
     contacts: Callable[[], ContactTable],
@@ -181,7 +180,7 @@ def _episode(
     channels = {key: columns["channel"][:, i] for i, key in enumerate(keys)}
     return Episode(
         header=header,
-        t=t,
+        t=np.ascontiguousarray(columns["time"][:, 0]),
         tracks=tracks,
         _contacts=contacts,
         _frames=robot,
@@ -236,7 +235,9 @@ def _check(episode: Episode, metadata: McapMetadata, sound: bool) -> None:
         raise errors[0]
 
 
-def _tracks(metadata: McapMetadata, columns: dict[str, F32], where: str) -> dict[str, Track]:
+def _tracks(
+    metadata: McapMetadata, columns: dict[str, NDArray[Any]], where: str
+) -> dict[str, Track]:
     moving = metadata.moving_bodies
     for name, width in _TRACK_FIELDS.items():
         block = columns[f"body_{name}"]
@@ -247,7 +248,7 @@ def _tracks(metadata: McapMetadata, columns: dict[str, F32], where: str) -> dict
                 f"{width} per body",
             )
 
-    def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
+    def columns_of(place: int, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
         parts = {}
         for name in names:
             width = _TRACK_FIELDS[name]

@@ -29,7 +29,6 @@ from .mcap_messages import (
     EVENTS,
     FRAME,
     PROFILE,
-    ROBOT,
     SCENE,
     STATE,
     TF,
@@ -38,7 +37,6 @@ from .mcap_messages import (
     schema_bytes,
 )
 from .mcap_metadata import to_texts
-from .urdf import to_urdf
 
 CHUNK_BYTES = 1 << 20
 TF_RATE = 30.0
@@ -100,8 +98,6 @@ def _messages(
         channel(SCENE, SceneUpdate),
         channel(EVENTS, Log),
     )
-    text = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-    robot = writer.register_channel(ROBOT, "cdr", text)
 
     times = [log_time(t) for t in episode.t.tolist()]
     every = max(1, round(1 / (TF_RATE * episode.dt)))
@@ -109,7 +105,6 @@ def _messages(
     start = times[0]
     writer.add_message(tf, start, transforms.pop(0), start)
     writer.add_message(scene, start, to_scene(episode, start).SerializeToString(), start)
-    writer.add_message(robot, start, _cdr_string(to_urdf(episode)), start)
     notes = _events(episode, times, remarks)
     state_channel = own(STATE, "State") if episode.states else 0
     frames = frame_messages(episode, moving)
@@ -151,12 +146,6 @@ def transform_messages(
             position.x, position.y, position.z = pose[:3]
             turn.w, turn.x, turn.y, turn.z = pose[3:]
         yield n, message.SerializeToString()
-
-
-def _cdr_string(text: str) -> bytes:
-    """A ``std_msgs/msg/String`` in little-endian CDR."""
-    data = text.encode() + b"\0"
-    return b"\x00\x01\x00\x00" + len(data).to_bytes(4, "little") + data
 
 
 def _events(episode: Episode, times: list[int], remarks: Sequence[Event]) -> dict[int, list[bytes]]:

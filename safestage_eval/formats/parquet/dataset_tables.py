@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import ContactTable, Episode
 
 from .arrow_tables import CONTACT_VECTORS, ROBOT_COLUMNS, XYZ, schema
-from .episode_row import encode, to_geometry, to_row
+from .episode_row import encode, to_geometry
 
 TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
 
@@ -41,15 +41,12 @@ def episode_tables(episode: Episode, index: int) -> dict[str, pa.Table]:
 def episode_entry(
     episode: Episode, index: int, file: str, attachments: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Return the episode's row of ``meta/episodes``.
+    """Return what the episode's row of ``meta/episodes`` has beside the header (``to_row``).
 
     ``attachments`` maps names to files in ``assets``.
-
-    Raises:
-        TraceError: the header holds a number that is not finite.
     """
     name = episode.header.episode_id
-    return to_row(episode.header) | {
+    return {
         "episode_index": index,
         "file": file,
         "length": len(episode),

@@ -57,11 +57,10 @@ class Shard:
         Raises:
             TraceError: the episode is damaged, or its header holds a number that is not finite.
         """
-        to_row(episode.header)
         index = self._first + len(self)
-        tables = episode_tables(episode, index)
+        header, tables = to_row(episode.header), episode_tables(episode, index)
         assets = add_assets(episode, self._dataset)
-        entry = episode_entry(episode, index, self._file, assets)
+        entry = header | episode_entry(episode, index, self._file, assets)
         for table, rows in tables.items():
             writer = self._writers.get(table) or self._open(table)
             writer.write_table(rows, row_group_size=GROUP_ROWS)
@@ -193,7 +192,8 @@ def add_assets(episode: Episode, dataset: Path) -> dict[str, str]:
     Returns: name of an attachment → its file under ``assets``.
     """
     for key in mesh_keys(episode.header):
-        _add_asset(dataset, f"{key}.ply", to_ply(episode.meshes[key]))
+        if not (dataset / layout.ASSETS / f"{key}.ply").exists():
+            _add_asset(dataset, f"{key}.ply", to_ply(episode.meshes[key]))
     return {
         name: _add_asset(dataset, sha256(data).hexdigest() + _ending(name), data)
         for name, data in episode.attachments.items()

@@ -36,11 +36,10 @@ def to_row(header: Header) -> dict[str, Any]:
     """Return the header's columns in ``meta/episodes``. Raises TraceError as ``encode`` does."""
     where = header.episode_id
     data = header.model_dump(mode="json")
-    encode(data, where)
+    encode({name: data[name] for name in _FLAT_FIELDS}, where)
     row = {name: data[name] for name in _FLAT_FIELDS}
     row |= {name: encode(data[name], where) for name in _JSON_FIELDS}
-    for body in data["bodies"]:
-        del body["geoms"]
+    encode([geom for body in data["bodies"] for geom in body.pop("geoms")], where)
     return row | {"bodies": encode(data["bodies"], where)}
 
 

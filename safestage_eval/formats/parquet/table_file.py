@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 from threading import local
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -39,31 +37,28 @@ _FILES_KEPT = 16
 _KEPT_BYTES = 128 << 20
 """Most bytes of decoded row groups that are kept, because several episodes share them."""
 
-_FEW_ROWS, _FEW_GROUPS = 1 << 20, 64
-"""Rows and row groups of a file up to which it is first read as if all were one episode's: earlier versions
-wrote a row group for each body."""
+_MANY_GROUPS = 64
+"""Row groups of a file from which on it is kept open."""
 
 EPISODE = "episode_index"
-
-Rows = slice | NDArray[np.intp]
-"""Rows of a row group, ascending."""
 
 
 @dataclass(eq=False)
 class _Known:
-    """The metadata of a Parquet file, and which rows belong to which episode (found once).
+    """The metadata of a Parquet file (looked at once).
 
     Attributes:
         metadata: as pyarrow has it.
         types: Arrow types of the columns.
         lists: places of the values of columns of lists, by column.
-        rows: episode → (row group, its rows there); None until somebody asks.
+        least, most: (G,) episode indices in each row group, as its statistics say.
     """
 
     metadata: pq.FileMetaData
     types: Mapping[str, pa.DataType]
     lists: Mapping[str, list[int]]
-    rows: dict[int, list[tuple[int, Rows]]] | None = field(default=None, repr=False)
+    least: NDArray[np.int64]
+    most: NDArray[np.int64]
 
 
 _FILES: OrderedDict[Hashable, _Known] = OrderedDict()
@@ -129,44 +124,27 @@ class TableFile:
             TraceError: a column is missing, the bytes are damaged, or there are too many rows.
         """
         columns = list(dict.fromkeys(columns))
-        metadata = self._known.metadata
-        groups = range(metadata.num_row_groups)
+        known = self._known
         if episode is None:
-            return self._read(groups, columns)
-        few = metadata.num_rows <= _FEW_ROWS and len(groups) <= _FEW_GROUPS
-        if self._known.rows is None and few:
-            table = self._read(groups, [*columns, EPISODE])
-            own = numbers(table, EPISODE, np.int64, str(self.path)) == episode
-            if own.all():
-                return table.select(columns)
-        places = self._rows().get(episode, [])
-        if all(isinstance(rows, slice) for _, rows in places):
-            counts = [metadata.row_group(group).num_rows for group, _ in places]
-            if [slice(0, count) for count in counts] == [rows for _, rows in places]:
-                return self._read([group for group, _ in places], columns)
-        parts = []
-        for group, rows in places:
-            table = self._shared(group).select(columns)
-            if isinstance(rows, slice):
-                parts.append(table.slice(rows.start, rows.stop - rows.start))
-            else:
-                parts.append(table.take(pa.array(rows)))
+            return self._read(range(known.metadata.num_row_groups), columns)
+        there = np.flatnonzero((known.least <= episode) & (episode <= known.most))
+        if (known.least[there] == known.most[there]).all():
+            table = self._read(there.tolist(), [*columns, EPISODE])
+            return self._own(table, episode).select(columns)
+        parts = [
+            self._own(self._shared(group), episode).select(columns) for group in there.tolist()
+        ]
         return pa.concat_tables(parts)
 
-    def _rows(self) -> dict[int, list[tuple[int, Rows]]]:
-        """Return the places of the rows of each episode."""
-        if self._known.rows is None:
-            found: dict[int, list[tuple[int, Rows]]] = {}
-            metadata = self._known.metadata
-            groups = range(metadata.num_row_groups)
-            counts = [metadata.row_group(group).num_rows for group in groups]
-            table = self._read(groups, [EPISODE])
-            whose = numbers(table, EPISODE, np.int64, str(self.path))
-            for group, part in enumerate(np.split(whose, np.cumsum(counts)[:-1])):
-                for episode, rows in _by_value(part):
-                    found.setdefault(episode, []).append((group, rows))
-            self._known.rows = found
-        return self._known.rows
+    def _own(self, table: pa.Table, episode: int) -> pa.Table:
+        """Return the rows of an episode: statistics are not believed."""
+        own = numbers(table, EPISODE, np.int64, str(self.path)) == episode
+        if own.all():
+            return table
+        rows = np.flatnonzero(own)
+        if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+            return table.slice(rows[0], len(rows))
+        return table.take(pa.array(rows))
 
     def _shared(self, group: int) -> pa.Table:
         """Read a row group that several episodes share; it is kept for the next one, if there is room."""
@@ -187,6 +165,7 @@ class TableFile:
             metadata = self._opened(None, ()).metadata
             arrow = metadata.schema.to_arrow_schema()
             paths = [metadata.schema.column(i).path for i in range(len(metadata.schema))]
+            ends = _episodes(metadata, paths)
         except (pa.ArrowException, OSError, ValueError) as error:  # a name may be no text
             raise self._unreadable(error) from None
         types = dict(zip(arrow.names, arrow.types, strict=True))
@@ -195,7 +174,7 @@ class TableFile:
             name = path.partition(".")[0]
             if name in types and pa.types.is_nested(types[name]):
                 lists.setdefault(name, []).append(place)
-        return _Known(metadata, types, lists)
+        return _Known(metadata, types, lists, *ends)
 
     def _file(self) -> pq.ParquetFile:
         """The file, opened with its texts as dictionaries; kept open if it is local and many episodes may share it."""
@@ -207,7 +186,7 @@ class TableFile:
             return kept[self.key]
         texts = [name for name, kind in self._known.types.items() if is_text(kind)]
         file = self._opened(self._known.metadata, texts)
-        if self._source is None and self._known.metadata.num_row_groups > _FEW_GROUPS:
+        if self._source is None and self._known.metadata.num_row_groups > _MANY_GROUPS:
             kept[self.key] = file
             if len(kept) > _FILES_KEPT:
                 kept.popitem(last=False)
@@ -302,15 +281,19 @@ class TableFile:
         )
 
 
-def _by_value(values: NDArray[Any]) -> Iterable[tuple[int, Rows]]:
-    """Return each value and its rows."""
-    if not len(values):
-        return
-    order = np.argsort(values, kind="stable")
-    some = values[order]
-    edges = [0, *(np.flatnonzero(some[1:] != some[:-1]) + 1).tolist(), len(some)]
-    for begin, end in pairwise(edges):
-        rows = order[begin:end]
-        first, last = int(rows[0]), int(rows[-1])
-        together = last - first + 1 == len(rows)
-        yield int(some[begin]), slice(first, last + 1) if together else rows
+def _episodes(
+    metadata: pq.FileMetaData, paths: Sequence[str]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the (G,) least and most episode index in each row group; the widest where none is stated."""
+    limits = np.iinfo(np.int64)
+    ends = np.tile([limits.min, limits.max], (metadata.num_row_groups, 1))
+    if EPISODE in paths:
+        place = paths.index(EPISODE)
+        for group in range(len(ends)):
+            column = metadata.row_group(group).column(place)
+            if column.physical_type != metadata.schema.column(place).physical_type:
+                continue  # asking for its statistics would end the process
+            stated = column.statistics
+            if stated is not None and stated.has_min_max and isinstance(stated.min, int):
+                ends[group] = stated.min, stated.max
+    return ends[:, 0], ends[:, 1]
