@@ -89,7 +89,6 @@ GONE = {
     "tables --resamples": "2000 always; --random-seed draws others",
     "test --kind": "--mutate makes mutants of every kind",
     "diff --json": "compare verdicts --format json says which verdicts flip, and why",
-    "test --format json": "--format junit",
     "verdicts --format csv": "--format json",
     "verdicts --format markdown": "--format table",
     "agreement --format markdown": "--format table",

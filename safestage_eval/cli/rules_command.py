@@ -243,7 +243,7 @@ def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> N
     "--deep", is_flag=True,
     help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
-@format_option("table", "junit")
+@format_option("table", "json", "junit")
 @output_option
 @jobs_option
 @click.pass_context

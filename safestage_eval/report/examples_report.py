@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safestage_eval._text.line_width import LINE_WIDTH, folded
 from safestage_eval._text.plural import count
-from safestage_eval.units import format_quantity
+from safestage_eval.units import format_quantity, in_unit, unit_of
 
+from .render_json import render_json
 from .render_junit import Case, render_junit
 from .render_text import text_lines
 from .table import Table
@@ -21,14 +22,14 @@ if TYPE_CHECKING:
 def render(
     suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None, form: str
 ) -> str:
-    """Results as table or junit.
+    """Results in one of the formats table, json, junit.
 
     Args:
         suites: rule file as asked for → its examples.
         hunted: rule file → its mutants; None if none were made.
         form: the format.
     """
-    return {"table": _table, "junit": _junit}[form](suites, hunted)
+    return {"table": _table, "json": _json, "junit": _junit}[form](suites, hunted)
 
 
 def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
@@ -84,6 +85,33 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
     return folded("\n".join(lines), width) + "\n"
 
 
+def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
+    document: dict[str, Any] = {
+        "examples": [
+            {"rules": name, **_facts(c)} for name, suite in suites.items() for c in suite.checked
+        ],
+        "lacking": [
+            {"rules": name, "rule": code, "violating": counts[0], "passing": counts[1]}
+            for name, suite in suites.items()
+            for code, counts in suite.lacking.items()
+        ],
+    }
+    if hunted is not None:
+        document["mutants"] = [
+            {
+                "rules": name,
+                "rule": m.where,
+                "kind": m.kind,
+                "what": m.what,
+                "killer": m.killer,
+                "tested": m.tested,
+            }
+            for name, mutants in hunted.items()
+            for m in mutants
+        ]
+    return render_json(document)
+
+
 def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
     return render_junit(
         "safestage rules test",
@@ -120,6 +148,22 @@ def _mutant(classname: str, m: Hunted) -> Case:
     if m.killer is None:
         return Case(classname, m.what, "failure", "no example detects this mutant")
     return Case(classname, m.what)
+
+
+def _facts(c: Checked) -> dict[str, Any]:
+    v = c.verdict
+    dimension = v.dimension if v is not None else None
+    margin = v.margin if v is not None else None
+    return {
+        "rule": c.rule,
+        "example": c.name,
+        "expected": c.expected,
+        "got": c.got,
+        "right": c.right,
+        "margin": margin if margin is None or not dimension else in_unit(margin, dimension),
+        "unit": unit_of(dimension) if dimension else None,
+        "why": c.why,
+    }
 
 
 def _margin(c: Checked) -> str:

@@ -94,7 +94,6 @@ def test_an_unknown_command():
         ("score traces/ --clearance-backend fcl", "certified bounds"),
         ("score traces/ --no-cache", "--resume DIR"),
         ("score traces/ --manifest m.json", "--output FILE"),
-        ("rules test fsh -f json", "--format junit"),
         ("compare verdicts a b --format csv", "--format json"),
         ("compare a b --resamples 100", "--random-seed"),
     ],

@@ -171,7 +171,7 @@ def test_a_mesh_from_a_file(source, tmp_path):
     ("text", "place", "told"),
     [
         ("[body.cube]\nmas = 1\n", "2:1", '"mas" is no entry of body.cube'),
-        ("[bodies.cube]\nmass = 1\n", "1:1", '"bodies" is no entry of a map file'),
+        ("[bodies.cube]\nmass = 1\n", "1:2", '"bodies" is no entry of a map file'),
         ('[body.cube]\ncom = [0, 0, "2 kg"]\n', "2:14", "no length"),
         ("[body.cube]\nmass = -1\n", "2:8", "greater than or equal to 0"),
         ('[source]\nquaternion = "zyxw"\n', "2:14", "should be 'wxyz' or 'xyzw'"),
