@@ -99,21 +99,24 @@ def may_differ(episode: Episode, body: int, beside: Iterable[int], at: Bool, hel
         if len(sides) < 2:
             continue
         (when, left), (then, right) = (_inward(episode, body, f) for f in sides.values())
-        for frame in np.intersect1d(when, then[at[then] & ~out[then]]).tolist():
-            opposed = left[when == frame] @ right[then == frame].T <= 0
+        frames = np.intersect1d(when, then[at[then] & ~out[then]])
+        ends = [np.searchsorted(x, [frames, frames + 1]).T.tolist() for x in (when, then)]
+        for frame, (a, b), (c, d) in zip(frames.tolist(), *ends, strict=True):
+            opposed = left[a:b] @ right[c:d].T <= 0
             out[frame] = opposed.any() and not (held[frame] and opposed.all())
     return out
 
 
 def _inward(episode: Episode, body: int, fingers: Iterable[int]) -> tuple[NDArray[np.intp], F64]:
-    """Of all contacts with fingers the frames (C,), and the normals (C, 3) into the body."""
+    """Of all contacts with fingers the frames (C,), in order, and the normals (C, 3) into the body."""
     frames, normals = [np.zeros(0, np.intp)], [np.zeros((0, 3))]
     for finger in fingers:
         pair = (min(finger, body), max(finger, body))
         frame, normal = episode.contacts.of_pair(pair, "frame", "normal")
         frames.append(frame)
         normals.append((1.0 if body > finger else -1.0) * normal)
-    return np.concatenate(frames), np.concatenate(normals)
+    order = np.argsort(np.concatenate(frames), kind="stable")
+    return np.concatenate(frames)[order], np.concatenate(normals)[order]
 
 
 def _pressure(episode: Episode, body: int, fingers: Iterable[int]) -> tuple[F64, F64]:
