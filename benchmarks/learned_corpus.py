@@ -52,7 +52,7 @@ from simulate.tasks.task import tasks
 CORPUS, LOOKED_AT, BLIND = 1100, 210, 126
 """Rollouts of the lists for the corpus of 1,000, the 200 that are looked at, and the 120 that are labelled blindly."""
 CAMERAS, SIZE = ("exterior_left", "wrist"), (96, 128)
-"""What ``act_pictures`` saw, whose rows are kept: cameras, and height and width in pixels."""
+"""Cameras, and height and width in pixels, of the pictures that ``act_pictures`` saw; its rows are kept."""
 LICENCE = "cc-by-4.0"
 ROWS = "rows.parquet"
 COMPARED = (

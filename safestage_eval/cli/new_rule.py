@@ -22,10 +22,10 @@ from safestage_eval.units import format_quantity
 from safestage_eval.verdicts.ask import ask
 
 ENOUGH = 6
-"""Scenes of one cast that are measured before two of them are chosen …"""
+"""The search for two scenes ends when so many of one cast differ in the signal."""
 
 LOOKED_AT = 20
-"""… or as many as there are among the first so many scenes, if these are two."""
+"""It also ends after so many scenes if at least two of one cast differ."""
 
 RULE = """\
 # A rule about {name}: {meaning}

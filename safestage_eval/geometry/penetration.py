@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 Support = Callable[[NDArray[np.int64], F64], F64]
-"""Of pairs (M,) the points (M, 3) of their differences A − B that are farthest along directions (M, 3)."""
+"""Takes pairs (M,) and directions (M, 3); gives the farthest point (M, 3) of each pair's A − B that way."""
 
 DEPTH_TOLERANCE = 1e-7
 """m, between the bounds at which the search ends."""

@@ -60,7 +60,7 @@ def _first_near(near: Bool) -> I64:
 
 
 def _near(movers: Sequence[Mover], some: I64, others: I64, apart: float) -> Bool:
-    """Whether no point of any body is further apart than so many m at some frames and at others."""
+    """Whether no point of any body moves by more than ``apart`` (m) between ``some`` frames and ``others``."""
     near = np.ones(np.broadcast_shapes(some.shape, others.shape), np.bool_)
     for mover in movers:
         far = min(float(np.linalg.norm(mover.shape.centre) + mover.shape.radius), FARTHEST)

@@ -33,7 +33,7 @@ WITNESS = ("time", "bodies", "explanation")
 
 
 class Wanted(NamedTuple):
-    """What a table has to have, if it is none of results.
+    """The columns asked of a table that is not ``safestage score``'s.
 
     Attributes:
         bare: its columns.
@@ -50,7 +50,7 @@ class Wanted(NamedTuple):
 
     @property
     def allowed(self) -> str:
-        """What is accepted, for messages."""
+        """The accepted tables, in words for a message."""
         more = f" and, if there are any, {', '.join(self.more)}"
         return (
             f"results of safestage score, or a table with the columns {', '.join(self.bare)}{more}"
@@ -187,7 +187,7 @@ def _bare(row: Row, where: str, wanted: Wanted) -> Outcome:
 
 
 def _head(row: Row, where: str, stage: str) -> Outcome:
-    """What a row says of its episode, but for V."""
+    """The outcome that a row gives, without V."""
     return Outcome(
         policy=_name(row, "policy") or OPEN,
         prompt=_name(row, "prompt") or OPEN,

@@ -24,7 +24,7 @@ robot, and let go."""
 
 
 class Kind(NamedTuple):
-    """What rates see of an episode: its fields are those of ``Outcome``."""
+    """What rates need of an episode; fields as in ``Outcome``."""
 
     judged: bool
     success: bool | None

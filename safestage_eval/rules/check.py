@@ -38,7 +38,8 @@ def read(files: Sequence[RuleFile]) -> tuple[list[Diagnostic], ast.RuleSet]:
     for tables in readers:  # first what names stand for, then what uses them
         tables.strangers()
         head = tables.head()
-        heads += [head] if tables.file.asked else []
+        if tables.file.asked:
+            heads.append(head)
         for name, value in table_of(tables.file.table, "param").items():
             defined["param"][name] = tables.param(name, value)
         for name, row in table_of(tables.file.table, "material").items():

@@ -1,6 +1,6 @@
 """The binding of an episode: its roles, goal, assigned rules and parameter values, and their sources.
 
-A bind file says most, then the trace's header, then the rule's own ``set``, then ``[param]``. ``--assign``, ``--role`` and ``--set`` beat them all.
+``--assign``, ``--role`` and ``--set`` come first, then a bind file, the trace's header, the rule's own ``set``, and ``[param]``.
 Where no source assigns rules, all those are assigned whose roles are bound.
 """
 
@@ -35,7 +35,8 @@ class Binding:
         goal: native success in the rule language, None if it is not given or not loaded.
         family: of the task.
         provenance: ``roles.target``, ``rules``, ``goal``, ``family``, ``param.edge`` → where it
-            comes from (``trace header``, ``bind file``, ``command line``, ``--set``; ``BY_ROLES`` for rules that no source assigns).
+            comes from (``trace header``, ``bind file``, ``command line``, ``--set``; ``BY_ROLES`` for
+            rules that no source assigns).
         notes: what was asked for and could not be found.
         rules: the rule set.
         values: parameters that have another value than the rule files give them, and that value.
