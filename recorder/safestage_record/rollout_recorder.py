@@ -79,11 +79,8 @@ class RolloutRecorder(ABC):
             )
         self.body_names = tell_apart(names)
         said = {name: settings.pop(name) for name in SETTINGS if name in settings}
-        self._told, self._frame_dt, self._fields = (
-            ToldFacts(self.body_names, **said),
-            frame_dt,
-            settings,
-        )
+        self._told = ToldFacts(self.body_names, **said)
+        self._frame_dt, self._fields = frame_dt, settings
         self._meshes = MeshStore()
         self._log = RolloutLog(self.path)
         self._waiting: list[Any] = []

@@ -104,9 +104,8 @@ class SapienRecorder(PointRecorder):
         kinds = ["fixture"] * count
         above: list[int | None] = [None] * count
         moves = [False] * count
-        said: list[str | None] = [
-            None
-        ] * count  # by the user, of the link or of one that it hangs on
+        # by the user, of the link or of one that it hangs on
+        said: list[str | None] = [None] * count
         hinge: list[Any] = [None] * count
         sides: dict[int, str] = {}
         tips: list[int] = []
