@@ -18,7 +18,7 @@ from safestage_eval.signals import SIGNALS
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
-from .render_json import render_json
+from .document import render_json
 
 FORMAT = 1
 UPDATE = "--update-golden"

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.report.render_junit import Case, render_junit
+from safestage_eval.report.for_build_servers import Case, render_junit
 
 CASES = st.builds(
     Case, st.text(), st.text(), st.sampled_from(["", "failure", "skipped", "error"]), st.text()
