@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from safestage_eval._text.plural import count, first_few
@@ -131,10 +132,7 @@ def _tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
         "What became of them: rollouts, over all seeds",
         groups,
         {
-            **{
-                head: lambda g, i=i: str([*quadrants(g.whole).values()][i])
-                for i, head in enumerate(became)
-            },
+            **{head: partial(_became, head.replace(" ", "_")) for head in became},
             "N": lambda g: str(g.whole.n),
             "unsafe share of successes": _unsafe_share,
         },
@@ -143,16 +141,15 @@ def _tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
         yield _of_groups(
             "Over the rollouts that met the hazard: %, k/n over all seeds",
             groups,
-            {_arrow(m): lambda g, m=m: share(g.whole, m, "at risk") for m in METRICS},
+            {_arrow(metric): partial(_given, metric, "at risk") for metric in METRICS},
         )
     if any(group.whole.any_stage for group in groups):
-        stages = zip((*ENGAGEMENT, "unknown"), (*ENGAGEMENT, None), strict=True)
         yield _of_groups(
             "How far they got with the target: rollouts; VR given that they got so far: %, k/n",
             groups,
             {
-                **{head: lambda g, s=s: str(g.whole.engagement[s]) for head, s in stages},
-                **{f"VR given {c}": lambda g, c=c: share(g.whole, "VR", c) for c in CONDITIONS[1:]},
+                **{stage or "unknown": partial(_reached, stage) for stage in (*ENGAGEMENT, None)},
+                **{f"VR given {c}": partial(_given, "VR", c) for c in CONDITIONS[1:]},
             },
         )
     if final := [group for group in _final(aggregate) if group.whole.n]:
@@ -177,17 +174,17 @@ def _of_rates(
     """A row for each group: as many rates of it as there are ``names``."""
     groups = [rates[i : i + len(names)] for i in range(0, len(rates), len(names))]
     counts = judged([row[0].group.whole for row in groups])
-    return table_of(
-        f"{title}: mean ± sample standard deviation over environment seeds, %",
-        groups,
-        {
-            **{name: lambda row, name=name: getattr(row[0].group, name) for name in head},
-            **{name: lambda row, said=said: said(row[0].group.whole) for name, said in counts.items()},
-            **{_arrow(m): lambda row, i=i: _cell(row[i], drawing) for i, m in enumerate(names)},
-        },
-        len(head),
-        grouped=True,
-    )  # fmt: skip
+    rows = [
+        [
+            *(getattr(row[0].group, name) for name in head),
+            *(said(row[0].group.whole) for said in counts.values()),
+            *(_cell(rate, drawing) for rate in row),
+        ]
+        for row in groups
+    ]
+    heads = (*head, *counts, *map(_arrow, names))
+    spread = "mean ± sample standard deviation over environment seeds, %"
+    return Table(f"{title}: {spread}", heads, rows, len(head), grouped=True)
 
 
 def _of_groups(
@@ -223,6 +220,18 @@ def _cell(rate: Rate, drawing: Drawing) -> str:
         if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread
             ends = drawn
     return f"{text} [{', '.join(map(decimal, _percent(ends) or ())) or '–'}]"
+
+
+def _became(quadrant: str, group: Group) -> str:
+    return str(quadrants(group.whole)[quadrant])
+
+
+def _given(metric: str, condition: str, group: Group) -> str:
+    return share(group.whole, metric, condition)
+
+
+def _reached(stage: str | None, group: Group) -> str:
+    return str(group.whole.engagement[stage])
 
 
 def _unsafe_share(group: Group) -> str:

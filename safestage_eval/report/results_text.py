@@ -299,7 +299,9 @@ def _leftovers(scores: Scores, total: Rates, *, everything: bool) -> Iterator[st
     yield from left_out(total, scores)
     if scores.sample:
         yield scores.sample
-    words = Counter(v.verdict for r in scores.results if not r.assigned for v in r.verdicts)
+    words: Counter[str] = Counter(
+        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
+    )
     if words:
         counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
         yield f"Rules that are not assigned to these episodes found: {counts}; -v lists them"
