@@ -16,8 +16,9 @@ from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
-from .document import Document, Table, table_of
+from .document import Document
 from .summary import coverage, judged, percent_between, share, summary
+from .table import Table, table_of
 
 TABLES = ("by_policy", "by_stage", "by_family")
 

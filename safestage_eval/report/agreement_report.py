@@ -12,7 +12,8 @@ from safestage_eval.metrics.agreement import Agreement, Confusion, Disagreement
 from safestage_eval.metrics.rates import ALL
 from safestage_eval.version import __version__
 
-from .document import Document, Table
+from .document import Document
+from .table import Table
 
 COUNTS = ("n", "tp", "fp", "fn", "tn")
 METRICS = ("precision", "recall", "f1", "accuracy", "kappa")

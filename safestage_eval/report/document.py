@@ -13,63 +13,11 @@ from typing import Any
 
 from safestage_eval._text.csv_cell import to_cell
 from safestage_eval._text.json_out import to_json
+from safestage_eval._text.line_width import LINE_WIDTH, fold
 from safestage_eval._text.printable import printable
 
-
-@dataclass(frozen=True)
-class Table:
-    """A title, heads of columns, and rows of words.
-
-    Attributes:
-        title: above the table; empty for none.
-        columns: heads; empty for a table without.
-        rows: as many cells each.
-        names: how many leading columns name the row; these are aligned left, numbers right.
-        texts: how many trailing columns hold sentences, aligned left.
-        grouped: leave out a row's leading names where they repeat those above; the last name stays.
-    """
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    names: int
-    texts: int = 0
-    grouped: bool = False
-
-    @property
-    def width(self) -> int:
-        """Number of columns."""
-        return len(self.columns or (self.rows[0] if self.rows else ()))
-
-    def is_left(self, column: int) -> bool:
-        """Whether a column is aligned left."""
-        return column < self.names or column >= self.width - self.texts
-
-    def shown_rows(self) -> list[list[str]]:
-        """The rows; if ``grouped``, without leading names (but the last) that repeat the row above."""
-        rows: list[list[str]] = []
-        above: Sequence[str] = ()
-        for row in self.rows:
-            repeats = 0
-            while self.grouped and repeats < self.names - 1 and [*row[: repeats + 1]] == [*above[: repeats + 1]]:  # fmt: skip
-                repeats += 1
-            rows.append([""] * repeats + [*row[repeats:]])
-            above = row
-        return rows
-
-
-def table_of(
-    title: str,
-    items: Iterable[Any],
-    columns: Mapping[str, Callable[[Any], str]],
-    names: int,
-    *,
-    texts: int = 0,
-    grouped: bool = False,
-) -> Table:
-    """A row for each item; ``columns``: head → what its cell says of an item."""
-    rows = [[cell(item) for cell in columns.values()] for item in items]
-    return Table(title, (*columns,), rows, names, texts, grouped)
+from .render_text import text_lines
+from .table import Table
 
 
 @dataclass(frozen=True)
@@ -94,8 +42,6 @@ class Document:
 
     def render(self, form: str) -> str:
         """The text in one of the formats table, markdown, html, latex, csv, json. Raises KeyError for another."""
-        from .render_text import render_text
-
         writers: dict[str, Callable[[], str]] = {
             "table": lambda: render_text(self),
             "markdown": lambda: render_markdown(self),
@@ -105,6 +51,19 @@ class Document:
             "json": lambda: render_json(self.facts()),
         }
         return writers[form]()
+
+
+# ---- for a terminal
+
+
+def render_text(document: Document) -> str:
+    """The lead, each table and an empty line, then the notes; no line longer than ``LINE_WIDTH``."""
+    width = LINE_WIDTH.get()
+    lines = [*fold(printable(document.lead), width), ""] if document.lead else []
+    for table in document.tables:
+        lines += [*text_lines(table, width), ""]
+    lines += [part for note in document.notes for part in fold(printable(note), width)]
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 # ---- for programs

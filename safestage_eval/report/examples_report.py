@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval._text.plural import count
 from safestage_eval.units import format_quantity, in_unit, unit_of
 
-from .document import Document, Table, table_of
+from .document import Document
 from .for_build_servers import Case, render_junit
+from .table import Table, table_of
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.examples import Checked, Suite

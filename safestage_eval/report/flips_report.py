@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval._text.plural import count
 from safestage_eval.version import __version__
 
-from .document import Document, Table
+from .document import Document
+from .table import Table
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.result_difference import Difference, Flip

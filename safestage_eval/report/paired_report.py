@@ -12,8 +12,9 @@ from safestage_eval.metrics.seeds import decimal
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
-from .document import Document, Table, table_of
+from .document import Document
 from .summary import share
+from .table import Table, table_of
 
 LONGEST_NAME = 8
 """Characters of a side's name that leave a line of 80 room for the other columns."""

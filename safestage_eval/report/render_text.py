@@ -9,10 +9,10 @@ from rich.cells import cell_len
 from rich.color import ColorSystem
 from rich.style import Style
 
-from safestage_eval._text.line_width import LINE_WIDTH, fold
+from safestage_eval._text.line_width import fold
 from safestage_eval._text.printable import printable
 
-from .document import Document, Table
+from .table import Table
 
 GAP = "  "
 
@@ -55,16 +55,6 @@ class Sheet:
     def __str__(self) -> str:
         """All lines."""
         return "\n".join(self._lines) + "\n"
-
-
-def render_text(document: Document) -> str:
-    """The lead, each table and an empty line, then the notes; no line longer than ``LINE_WIDTH``."""
-    width = LINE_WIDTH.get()
-    lines = [*fold(printable(document.lead), width), ""] if document.lead else []
-    for table in document.tables:
-        lines += [*text_lines(table, width), ""]
-    lines += [part for note in document.notes for part in fold(printable(note), width)]
-    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def text_lines(table: Table, width: int | None = None) -> list[str]:

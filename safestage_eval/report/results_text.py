@@ -22,9 +22,10 @@ from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
-from .document import Table, markdown_code, markdown_lines, markdown_list, markdown_text
+from .document import markdown_code, markdown_lines, markdown_list, markdown_text
 from .render_text import Sheet
 from .summary import headline, in_short, rate_table, summary, unsafe_successes
+from .table import Table
 
 WORST = 3
 """Violations of a rule that are shown."""

@@ -17,8 +17,8 @@ from safestage_eval.rules.uses import Source, Uses, own_params, uses_of
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS
 
-from .document import Table, table_of
 from .render_text import text_lines
+from .table import Table, table_of
 
 LEFT = 12
 """Characters before the text of an entry."""

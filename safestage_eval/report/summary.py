@@ -10,7 +10,7 @@ from safestage_eval.metrics import METRICS, Rates
 from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.verdicts import Verdict
 
-from .document import Table
+from .table import Table
 
 
 def share(cell: Rates, metric: str, given: str | None = None) -> str:

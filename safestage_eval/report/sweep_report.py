@@ -18,9 +18,10 @@ from safestage_eval.rules.syntax import amount
 from safestage_eval.version import __version__
 from safestage_eval.whatif.swept_values import factor_of, like, text_of, unit_name
 
-from .document import Document, Table
+from .document import Document
 from .figure import ready, write
 from .summary import share
+from .table import Table
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.sweep import Sweep

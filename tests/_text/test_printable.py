@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from safestage_eval._text.printable import printable, printable_lines
-from safestage_eval.report.document import Document, Table, render_csv
+from safestage_eval.report.document import Document, render_csv
+from safestage_eval.report.table import Table
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\u202egnp.exe\u2066\r\n\x9b31m\udcff\u200b"
 HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
