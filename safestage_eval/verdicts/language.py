@@ -207,7 +207,8 @@ class Language(ABC):
         """``number``, of what a signal is compared with, which may be a range."""
         if isinstance(value, ast.Parameter) and value.name in self.ranges:
             known: Any = self.params[value.name]
-            return -known if value.negative else known
+            over: Range = -known if value.negative else known
+            return over
         return self.number(value, env)
 
     def material(self, player: str) -> str:
