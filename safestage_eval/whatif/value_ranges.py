@@ -74,13 +74,14 @@ def all_pieces(
         return {param: [Piece(0.0, np.inf, again.usual(rule).verdict)] for param in params}
     if not isinstance(rule, ast.Rule) or again.evaluator(rule).clock.coarse.any():
         return {param: [Piece(0.0, np.inf, None)] for param in params}
-    over = _OverRanges(again, rule, further)
+    out = {param: [Piece(0.0, np.inf, None)] for param in params}
     follow = [param for param in params if not again.moves_success(param)]
-    settled = over.settled(follow) if follow else {}
-    out = {param: [Piece(0.0, np.inf, *settled.get(param, (None,)))] for param in params}
-    for param in follow:
-        if param not in settled:
-            out[param] = over.pieces(param)
+    if follow:
+        over = _OverRanges(again, rule, further)
+        settled = over.settled(follow)
+        for param in follow:
+            said = settled.get(param)
+            out[param] = over.pieces(param) if said is None else [Piece(0.0, np.inf, *said)]
     return out
 
 
