@@ -29,7 +29,7 @@ from safestage_eval.verdicts.problem import Problem
 
 from .each_episode import each_episode
 from .judge_again import Again, again_by
-from .swept_values import si_unit
+from .swept_values import si_unit, told_in
 from .value_ranges import all_pieces
 
 SUFFIX = ".what-if.parquet"
@@ -293,10 +293,7 @@ def slack(table: FlipTable, params: Sequence[str] = ()) -> pl.DataFrame:
 
 
 def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = ()) -> pl.DataFrame:
-    """The rows of a what-if table about a parameter, and about values of the kind that are asked for.
-
-    Pieces in seconds do not decide a duration in frames, nor "3 frames @ 120 Hz", which asks for
-    several samples whatever the rate; and none decides a value below 0.
+    """The rows of a what-if table about a parameter, undecided where they do not tell of all the values.
 
     Raises InputError for a parameter that the table is not about.
     """
@@ -306,14 +303,9 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = (
             f"{table.path}, parameter {param}", "its what-if table has no row about it.",
             ", ".join(table.params),
         )  # fmt: skip
-    kinds = {si_unit(value) for value in values}
-    several_samples = any(isinstance(value, ast.Duration) and value.least > 1 for value in values)
-    if several_samples or any(amount(value) < 0 for value in values):
-        kinds.add("another kind")
-    if not kinds:
-        return pieces
-    decides = pl.col("unit").is_in(list(kinds)) & (len(kinds) == 1)
-    return pieces.with_columns(pl.when(decides).then(pl.col("verdict")).alias("verdict"))
+    units = [unit for unit in pieces["unit"].unique() if told_in(values, unit)]
+    told = pl.col("unit").is_in(units)
+    return pieces.with_columns(pl.when(told).then(pl.col("verdict")).alias("verdict"))
 
 
 def _at(value: ast.Setting) -> pl.Expr:

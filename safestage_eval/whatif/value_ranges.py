@@ -50,13 +50,6 @@ class Piece(NamedTuple):
     verdict: VerdictName | None
     at_risk: bool = False
 
-    def holds(self, value: ast.Setting, usual: ast.Setting) -> bool:
-        """The value is one of them; ``usual``: of the kind that they are of."""
-        match value, usual:
-            case ast.Duration(), ast.Duration() if value.frames != usual.frames or value.least > 1:
-                return False
-        return self.low <= amount(value) < self.high
-
 
 def all_pieces(
     again: Again, rule: ast.Scoped, params: Sequence[str], further: float = 0.0
