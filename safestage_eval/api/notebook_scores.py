@@ -57,6 +57,15 @@ class Finding:
         if of.verdict == "violation" and of.margin is not None and of.dimension is not None:
             self.by_how_much = format_quantity(abs(of.margin), of.dimension)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Finding) and (self.episode_id, self.of) == (
+            other.episode_id,
+            other.of,
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.episode_id, self.rule))
+
     def plot(self) -> Picture:
         """Plot the signal that decides it, with its limit; as ``Scores.plot``."""
         return self._scores.plot(self.episode_id, rule=self.rule)
