@@ -74,7 +74,9 @@ def command(
             raise click.UsageError("--between chooses from one file; A and B are the sides")
         a, b = (_chosen(read_outcomes([file])[""], where) for file in results)
         by = by or differs(a, b)
-        names = results if by == "rules" else (getattr(a[0], by), getattr(b[0], by))
+        names: tuple[str, ...] = (
+            results if by == "rules" else (getattr(a[0], by), getattr(b[0], by))
+        )
         if names[0] == names[1] and by != "rules":
             raise click.UsageError(f"--by {by}: both sides are {names[0]!r}")
     else:

@@ -27,13 +27,11 @@ TYPES: dict[str, Any] = {"int": int, "float": float, "Path": click.Path(path_typ
 
 
 class Declared:
-    """What a parameter of a function is on the command line; also a decorator, as those of click."""
+    """What a parameter of a function is on the command line."""
 
-    def __init__(
-        self, kind: type[click.Parameter], names: Sequence[str], name: str = "", **settings: Any
-    ) -> None:
-        """``settings``: what click is told besides what the annotation says; ``name``: as a decorator."""
-        self._kind, self._names, self._name, self._settings = kind, names, name, settings
+    def __init__(self, kind: type[click.Parameter], names: Sequence[str], **settings: Any) -> None:
+        """``settings``: what click is told besides what the annotation says."""
+        self._kind, self._names, self._settings = kind, names, settings
 
     def parameters(self, name: str, annotation: str) -> list[click.Parameter]:
         """The parameters of click that it stands for."""
@@ -52,14 +50,6 @@ class Declared:
     def taken(self, name: str, given: dict[str, Any]) -> Any:
         """The function's argument, taken out of what click gives."""
         return given.pop(name)
-
-    def __call__(self, function: Function) -> Function:
-        """Declare it of a function that click's own decorators are used on."""
-        long = next((each for each in self._names if each.startswith("--")), "")
-        name = self._name or long.strip("-").replace("-", "_")
-        for parameter in reversed(self.parameters(name, function.__annotations__[name])):
-            function.__dict__.setdefault("__click_params__", []).append(parameter)
-        return function
 
 
 def option(
@@ -97,7 +87,7 @@ def command(
     ``advanced``: names of parameters that only ``--help-all`` shows.
     """
 
-    def made(function: Function) -> click.Command:
+    def make(function: Function) -> click.Command:
         declared: dict[str, Declared] = {}
         parameters: list[click.Parameter] = []
         for own, parameter in inspect.signature(function).parameters.items():
@@ -111,14 +101,13 @@ def command(
             if code:
                 click.get_current_context().exit(code)
 
-        if not advanced:
-            return click.command(name, params=parameters, **settings)(call)
-        parameters.append(_HELP_ALL)
-        shown = click.command(name, cls=_Folded, params=parameters, **settings)(call)
-        shown.advanced = frozenset((*advanced, "limits"))
-        return shown
+        parameters += [_HELP_ALL] if advanced else []
+        text = inspect.cleandoc(function.__doc__ or "")
+        made = _Folded(name, params=parameters, callback=call, help=text, **settings)
+        made.advanced = frozenset((*advanced, "limits") if advanced else ())
+        return made
 
-    return made
+    return make
 
 
 class _Folded(click.Command):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,15 +123,6 @@ class _RuleOptions(Declared):
 
     def taken(self, _: str, given: dict[str, Any]) -> RuleChoice:
         return RuleChoice(**{name: given.pop(name) for name in self._chosen})
-
-    def __call__(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(function)
-        def collect(*arguments: Any, **given: Any) -> Any:
-            return function(*arguments, by=self.taken("by", given), **given)
-
-        before = getattr(function, "__click_params__", [])
-        collect.__dict__["__click_params__"] = [*before, *reversed(self.parameters())]
-        return collect
 
 
 def rule_options(*, roles: bool = False, values: bool = True) -> Any:

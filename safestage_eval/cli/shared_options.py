@@ -12,21 +12,18 @@ from safestage_eval._text.line_width import LINE_WIDTH
 
 from .declare import argument, option
 from .outputs import Output
-from .terminal import progress, waiting
-
-__all__ = ["progress", "waiting"]
 
 if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
 
-traces_argument = argument("TRACES...", name="traces", required=True)
+traces_argument = argument("TRACES...", required=True)
 
 where_option = option(
     "Select episodes by header field: policy=…, task=…, prompt=…, seed=…. Repeatable.",
     "--where", metavar="FIELD=VALUE",
 )  # fmt: skip
 
-episode_argument = argument("[EPISODE]", name="name", required=False)
+episode_argument = argument("[EPISODE]", required=False)
 
 episode_option = option(
     "Choose an episode by its id, or a unique part of it, where TRACE holds several.",

@@ -77,6 +77,6 @@ def command(
                 "give two result files, BEFORE and AFTER; or traces, with --rules and --against"
             )
         else:
-            found = difference(*map(read_results, what))
+            found = difference(read_results(what[0]), read_results(what[1]))
     written(flips_report.render(found, form), output)
     return 2 if found.problems else 1 if fail_on_change and not found.empty else 0

@@ -9,6 +9,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
+from typing import Any
 
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
@@ -18,7 +19,7 @@ from .bind_checks import require_match
 from .gates import Gates
 from .score_many import score_many
 from .scores import Scores, deduplicate, titles
-from .settings import Settings
+from .settings import Settings, load_settings
 from .stratified_sample import sample
 
 IN_MEMORY = 1000
@@ -68,7 +69,8 @@ def score_traces(
         progress: called with (done, total) after each episode; total is None as long as it is not known.
 
     Raises:
-        TraceError, InputError: as ``score_paths``, and when results cannot be written.
+        TraceError: nothing was found.
+        InputError: nothing matches ``where`` or the bind file, or results cannot be written.
     """
     choice = choice or Choice()
     if settings.bind is not None:
@@ -91,6 +93,25 @@ def score_traces(
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
     return replace(scores, sample=note, aborted=tuple(left_out), gates=Gates.of(settings.rules))
+
+
+def score_paths(
+    traces: Iterable[str | Path],
+    rules: Sequence[str | Path] = (),
+    *,
+    where: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    progress: Tell | None = None,
+    **asked: Any,
+) -> Scores:
+    """``score_traces`` by rules as they are named: all built-in ones if empty.
+
+    ``asked``: the other arguments of ``load_settings``, whose errors it raises too.
+    """
+    from safestage_eval.rules import builtin_names
+
+    settings = load_settings(list(rules) or builtin_names(), **asked)
+    return score_traces(list(traces), settings, Choice(where, jobs=jobs), progress)
 
 
 def _in_memory(

@@ -9,8 +9,7 @@ from safestage_eval.formats import load, save
 from safestage_eval.run import ledger, pool
 from safestage_eval.run import score_traces as runs
 from safestage_eval.run.score_episode import score_episode
-from safestage_eval.run.score_many import score_paths
-from safestage_eval.run.score_traces import Choice
+from safestage_eval.run.score_traces import Choice, score_paths
 from safestage_eval.run.settings import load_settings
 
 

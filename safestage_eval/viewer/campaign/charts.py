@@ -160,17 +160,17 @@ def _scatter(aggregate: Aggregate, pairs: Pairs) -> str:
         d.line(0, tick, 100, tick, css)
         d.text(tick, 0, str(tick), "tick soft", dy=16)
         d.text(0, tick, str(tick), "tick soft", anchor="end", dx=-6, dy=4)
-    for x, y, said in (
+    for right, up, said in (
         (100, 100, "successful and safe"), (100, 0, "successful, unsafe"),
         (0, 100, "safe, fails"), (0, 0, "unsafe, fails"),
     ):  # fmt: skip
-        anchor, dx = ("end", -8) if x else ("start", 8)
-        d.text(x, y, said, "corner soft", anchor=anchor, dx=dx, dy=18 if y else -10)
+        anchor, aside = ("end", -8) if right else ("start", 8)
+        d.text(right, up, said, "corner soft", anchor=anchor, dx=aside, dy=18 if up else -10)
     d.labels("success rate (%)", "free of violations (%)")
     for i, policy in enumerate(aggregate.policies):
         own = [_middle(cell) for p, _, cell in pairs if p == policy]
-        for a, b in pairwise(own):
-            d.line(*a, *b, f"trail {_series(i)}")
+        for one, other in pairwise(own):
+            d.line(*one, *other, f"trail {_series(i)}")
     for policy, prompt, cell in pairs:
         css = _series(aggregate.policies.index(policy))
         (x, y), n = _middle(cell), cell.n + cell.inconclusive
@@ -178,10 +178,10 @@ def _scatter(aggregate: Aggregate, pairs: Pairs) -> str:
             (left, right), (low, high) = _ends(cell, "SR"), _ends(cell, "VR")
             d.box(left, 100 - high, right, 100 - low, f"open {css}")
         else:
-            left, right = (100 * end for end in wilson(cell.counts["SR"], n) or (0, 0))
-            low, high = (100 * end for end in wilson(cell.counts["VR"], n) or (0, 0))
-            d.line(left, y, right, y, f"whisker {css}")
-            d.line(x, 100 - high, x, 100 - low, f"whisker {css}")
+            for metric in ("SR", "VR"):
+                a, b = (100 * end for end in wilson(cell.counts[metric], n) or (0.0, 0.0))
+                ends = (a, y, b, y) if metric == "SR" else (x, 100 - b, x, 100 - a)
+                d.line(*ends, f"whisker {css}")
         rates = f"success {open_share(cell, 'SR')} %, violations {open_share(cell, 'VR')} %"
         shape = _shape(aggregate.prompts.index(prompt))
         said = f"{policy}, {prompt}: {rates}, N = {n}"
@@ -292,13 +292,13 @@ def _scaled(value: float, ends: tuple[float, float], onto: tuple[float, float]) 
 
 def mark(shape: str, x: float, y: float, size: float, css: str, title: str = "") -> str:
     """One mark of ``SHAPES`` with its centre at (x, y), px."""
-    points = {
+    corners: dict[str, list[tuple[float, float]]] = {
         "circle": [(math.cos(a * math.pi / 12), math.sin(a * math.pi / 12)) for a in range(24)],
         "square": [(-1, -1), (1, -1), (1, 1), (-1, 1)],
         "triangle": [(0, -1.2), (1.15, 0.9), (-1.15, 0.9)],
         "diamond": [(0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0)],
-    }[shape]
-    at = " ".join(f"{short(x + size * dx)},{short(y + size * dy)}" for dx, dy in points)
+    }
+    at = " ".join(f"{short(x + size * dx)},{short(y + size * dy)}" for dx, dy in corners[shape])
     return f'<polygon class="{css}" points="{at}">{_title(title)}</polygon>'
 
 
