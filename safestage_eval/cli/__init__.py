@@ -14,7 +14,7 @@ import click
 from safestage_eval.errors import did_you_mean
 from safestage_eval.version import __version__
 
-from .declare import prepared
+from .command_options import prepared
 
 SHELVES = {
     "Judge": {

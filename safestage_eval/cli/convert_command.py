@@ -10,8 +10,8 @@ import click
 
 from safestage_eval.errors import InputError
 
-from .declare import command as make
-from .declare import option
+from .command_options import command as make
+from .command_options import option
 from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import selected, traces_argument, where_option

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .declare import command as make
-from .declare import option
+from .command_options import command as make
+from .command_options import option
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import chosen_ref, episode_argument, episode_option
 from .terminal import say_lines, waiting

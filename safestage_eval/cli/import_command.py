@@ -11,8 +11,8 @@ import click
 
 from safestage_eval.units import LONGEST, finite
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import Output, written
 from .rule_choice import rules_option
 from .terminal import progress, say, say_lines, say_problems

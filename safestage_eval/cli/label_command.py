@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .declare import command as make
-from .declare import option
+from .command_options import command as make
+from .command_options import option
 from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import allow_host_option, selected, traces_argument, where_option

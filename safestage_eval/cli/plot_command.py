@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import chosen_ref, episode_option

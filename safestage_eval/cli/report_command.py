@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import Output, written
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import jobs_option

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .declare import Declared, option
+from .command_options import Declared, option
 from .shared_options import pairs
 
 if TYPE_CHECKING:

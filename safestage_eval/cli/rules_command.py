@@ -9,8 +9,8 @@ import click
 
 from safestage_eval._text.json_out import to_json
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import written
 from .rule_choice import rules_option
 from .shared_options import format_option, jobs_option, output_option

@@ -15,8 +15,8 @@ import click
 from safestage_eval._text.plural import count
 from safestage_eval.report import FORMATS
 
-from .declare import command as make
-from .declare import option
+from .command_options import command as make
+from .command_options import option
 from .outputs import Output, written
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (

@@ -10,7 +10,7 @@ import click
 
 from safestage_eval._text.line_width import LINE_WIDTH
 
-from .declare import argument, option
+from .command_options import argument, option
 from .outputs import Output
 
 if TYPE_CHECKING:

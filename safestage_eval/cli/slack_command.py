@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .declare import command as make
-from .declare import option
+from .command_options import command as make
+from .command_options import option
 from .outputs import written
 from .shared_options import format_option, output_option
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from .declare import command as make
-from .declare import option
+from .command_options import command as make
+from .command_options import option
 from .outputs import Output, written
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from safestage_eval.report import TABLE_FORMATS
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import written
 from .shared_options import format_option, output_option, random_seed_option
 from .terminal import say

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import written
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import format_option, jobs_option, output_option, selected, where_option

@@ -10,8 +10,8 @@ import click
 
 from safestage_eval._text.plural import count
 
-from .declare import argument, option
-from .declare import command as make
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import Output
 from .report_command import write_report
 from .rule_choice import RuleChoice, rule_options

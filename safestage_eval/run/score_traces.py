@@ -126,7 +126,7 @@ def _in_memory(
 def _on_disk(
     refs: Iterable[EpisodeRef], settings: Settings, choice: Choice, progress: Tell | None
 ) -> Scores:
-    from .ledger import Ledger
+    from .run_ledger import Ledger
 
     keys = None
     if choice.resume is not None:  # else nobody asks

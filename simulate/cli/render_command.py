@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from safestage_eval.cli.declare import command, option
+from safestage_eval.cli.command_options import command, option
 from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.rule_choice import RuleChoice, rule_options
 from safestage_eval.cli.shared_options import chosen_ref, episode_argument, episode_option

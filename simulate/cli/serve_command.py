@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from safestage_eval.cli.declare import command, option
+from safestage_eval.cli.command_options import command, option
 from safestage_eval.cli.shared_options import allow_host_option
 from safestage_eval.cli.terminal import say
 

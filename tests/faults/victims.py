@@ -23,7 +23,7 @@ from safestage_eval.cli import main
 from safestage_eval.episode import check
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
-from safestage_eval.run.ledger import FILE, Ledger
+from safestage_eval.run.run_ledger import FILE, Ledger
 from safestage_eval.run.score_traces import score_paths
 
 EPISODES = 8

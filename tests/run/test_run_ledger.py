@@ -4,7 +4,7 @@ import random
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.run.ledger import FILE, Ledger
+from safestage_eval.run.run_ledger import FILE, Ledger
 from safestage_eval.run.worker import Line
 
 
