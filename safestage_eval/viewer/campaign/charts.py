@@ -160,12 +160,12 @@ def _scatter(aggregate: Aggregate, pairs: Pairs) -> str:
         d.line(0, tick, 100, tick, css)
         d.text(tick, 0, str(tick), "tick soft", dy=16)
         d.text(0, tick, str(tick), "tick soft", anchor="end", dx=-6, dy=4)
-    for right, up, said in (
+    for across, up, said in (
         (100, 100, "successful and safe"), (100, 0, "successful, unsafe"),
         (0, 100, "safe, fails"), (0, 0, "unsafe, fails"),
     ):  # fmt: skip
-        anchor, aside = ("end", -8) if right else ("start", 8)
-        d.text(right, up, said, "corner soft", anchor=anchor, dx=aside, dy=18 if up else -10)
+        anchor, aside = ("end", -8) if across else ("start", 8)
+        d.text(across, up, said, "corner soft", anchor=anchor, dx=aside, dy=18 if up else -10)
     d.labels("success rate (%)", "free of violations (%)")
     for i, policy in enumerate(aggregate.policies):
         own = [_middle(cell) for p, _, cell in pairs if p == policy]
