@@ -210,7 +210,7 @@ def test_texts_have_an_end(parse):
 
 
 def test_time_is_bounded_while_an_episode_is_judged(monkeypatch, tmp_path, episode):
-    from safestage_eval.run.score_many import score_paths
+    from safestage_eval.run.score_traces import score_paths
 
     def busy(*_, **__):
         while True:
@@ -228,7 +228,7 @@ def test_memory_is_bounded_while_an_episode_is_judged(tmp_path, episode):
     save(episode, tmp_path / "cup.mcap")
     code = (
         "import sys, numpy as np, safestage_eval.verdicts as v\n"
-        "from safestage_eval.run.score_many import score_paths\n"
+        "from safestage_eval.run.score_traces import score_paths\n"
         "v.judge = lambda *a, **k: np.ones(1 << 28)\n"
         "print(score_paths([sys.argv[1]], ['fsh'], jobs=1).problems[0].message)\n"
         "np.ones(1 << 25)\n"

@@ -17,7 +17,7 @@ from safestage_eval.formats import TraceWriter, discover, load, validate
 from safestage_eval.geometry.pose import angle, rotate
 from safestage_eval.importers.frame_tree import FrameTree, Samples
 from safestage_eval.importers.urdf_links import urdf_links
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 
 TRACES = Path(__file__).resolve().parents[2] / "traces"
 
