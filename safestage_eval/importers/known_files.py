@@ -12,6 +12,7 @@ from typing import Any
 from safestage_eval.formats.discover import MCAP_MAGIC
 
 from . import hdf5
+from .bag_files import topics
 from .importer import Refused, SourceError
 
 RECORD = "are recorded whole by safestage-record (docs/record_anywhere.md)"
@@ -166,24 +167,10 @@ def in_hdf5(path: Path) -> Known | None:
 
 def in_mcap(path: Path) -> Known | None:
     """An MCAP file that has no transforms, with its topics; None of a trace or a damaged file."""
-    from mcap.reader import make_reader
-
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream)
-            if reader.get_header().profile == "safestage":
-                return None
-            summary = reader.get_summary()
-    except Exception:  # noqa: BLE001 — the reader fails in many ways on damaged bytes
+    found = [f"{topic} ({kind})" for topic, kind in topics(path).items()]
+    if not found:
         return None
-    if summary is None:
-        return None
-    topics = [
-        f"{channel.topic} ({schema.name if schema else '-'})"
-        for channel in summary.channels.values()
-        for schema in (summary.schemas.get(channel.schema_id),)
-    ]
-    listed = ", ".join(sorted(topics)[:20]) or "none"
+    listed = ", ".join(sorted(found)[:20])
     return Known(NO_POSES.name, f"{NO_POSES.lacks}; its topics: {listed}", NO_POSES.fix)
 
 

@@ -85,7 +85,9 @@ class SceneBuilder:
         say_contacts(self.account)
         bodies = (*self.bodies, *more)
         about = Header(episode_id="", force_source="none", bodies=bodies, **header)
-        return Episode(about, t, {**self.tracks, **still}, None, frames, meshes=self.meshes)
+        used = {geom.mesh for body in bodies for geom in body.geoms}
+        meshes = {key: mesh for key, mesh in self.meshes.items() if key in used}
+        return Episode(about, t, {**self.tracks, **still}, None, frames, meshes=meshes)
 
 
 def robot_frames(frames: int, **columns: F64 | None) -> RobotFrames:
