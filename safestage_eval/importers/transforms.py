@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Geom, Joint, RobotFrames, Source, still_track
+from safestage_eval.episode import Body, Episode, Geom, Source, still_track
 from safestage_eval.errors import TraceError
 from safestage_eval.geometry.pose import relative
 
@@ -26,11 +26,10 @@ from .foxglove_shapes import scene_geoms
 from .frame_tree import FrameTree
 from .importer import Importer, SourceError
 from .missing_data import say_success
-from .place_robot import placed_links
 from .robot_file import load_robot, read_urdf
 from .robot_model import RobotModel
 from .scene_bodies import need_shapes
-from .scene_builder import SceneBuilder, robot_frames
+from .scene_builder import SceneBuilder
 from .tf_messages import TRANSFORMS, Found, error_line, read_messages
 
 F64 = NDArray[np.float64]
@@ -131,11 +130,11 @@ class _Scene(SceneBuilder):
                 world = self._tree.pose(self._world, start + t)
                 position, orientation = relative(*world, position, orientation)
             self.add(body, make_track(position, orientation, None, None))
-        frames, joints = self._arm(start + t)
+        self._arm(start + t)
         self._remark()
         from_map, dt = self.settings.map.source, float(np.median(np.diff(t)))
         episode = self.episode(
-            t, frames, com="the frames' origins", joints=joints, physics_dt=from_map.physics_dt or dt,
+            t, com="the frames' origins", physics_dt=from_map.physics_dt or dt,
             frame_dt=dt, control_dt=from_map.control_dt, source=Source(simulator=None),
         )  # fmt: skip
         self._remark_success()
@@ -201,7 +200,7 @@ class _Scene(SceneBuilder):
         )
         return self.describe(raw)
 
-    def _arm(self, times: F64) -> tuple[RobotFrames | None, tuple[Joint, ...]]:
+    def _arm(self, times: F64) -> None:
         """Joints by joint states, and the links that they place and no transform does.
 
         Raises:
@@ -220,9 +219,9 @@ class _Scene(SceneBuilder):
                     str(stated), f"its joints are not those of the bag ({said}).",
                     fix="the description of the robot that was recorded",
                 )  # fmt: skip
-            return None, ()
+            return
         if all(link.body.name in self.tracks for link in model.links if link.joints):
-            return None, ()  # transforms say it all
+            return  # transforms say it all
         base = model.links[0].body.name
         motion = self.tracks.get(base)
         if motion is None:
@@ -235,17 +234,8 @@ class _Scene(SceneBuilder):
             "poses of the robot's links that no transform places", "from its joint states, linear between messages",
             cost="velocities are differences of the poses",
         )  # fmt: skip
-        self.meshes.update(model.meshes)
         positions = {name: self._at(times, *recorded[name]) for name in names}
-        placed = placed_links(
-            model, base, motion, positions, names, self.settings.map, self.meshes, ()
-        )
-        for body in placed.bodies:
-            if body.name not in self.tracks:
-                self.bodies.append(body)
-                self.tracks[body.name] = placed.tracks[body.name]
-        frames = robot_frames(len(times), joint_position=placed.columns, gripper=placed.gripper)
-        return frames, placed.joints
+        self.place_links(model, base, motion, positions)
 
     def _at(self, times: F64, stamps: list[int], positions: list[float]) -> F64:
         """(T,) positions at the times of the frames; the first and last one beyond them."""
