@@ -93,7 +93,7 @@ def command(
     read (the other episodes are audited all the same).
     """
     from safestage_eval.audit import audit, choose
-    from safestage_eval.report import audit_report, results_text
+    from safestage_eval.report import audit_report, render_text
 
     if explain is not None:
         written("\n".join(map(audit_report.explain, choose([explain]))), output)
@@ -116,7 +116,7 @@ def command(
             jobs=jobs,
             progress=tell,
         )
-    width = None if output else shutil.get_terminal_size((results_text.WIDTH, 24)).columns
+    width = None if output else shutil.get_terminal_size((render_text.WIDTH, 24)).columns
     color = output is None and wants_color(sys.stdout)
     written(audit_report.render(result, form, width=width, color=color, everything=verbose), output)
     if form != "table" or output is not None:

@@ -295,11 +295,11 @@ def _write(
     from safestage_eval.report import pieces
 
     if form == "table":
-        from safestage_eval.report import results_text
+        from safestage_eval.report import render_text, results_text
 
         text: Iterable[str | bytes] = results_text.render(
             scores,
-            width=None if output else shutil.get_terminal_size((results_text.WIDTH, 24)).columns,
+            width=None if output else shutil.get_terminal_size((render_text.WIDTH, 24)).columns,
             color=output is None and wants_color(sys.stdout),
             everything=verbose,
             traces=" ".join(traces),
