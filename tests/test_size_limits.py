@@ -25,7 +25,7 @@ from safestage_eval.episode import Header, check_header
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover, load, save
 from safestage_eval.formats.mcap.mcap_metadata import checksum
-from safestage_eval.importers.urdf_links import urdf_links
+from safestage_eval.importers.robot_file import read_urdf
 from safestage_eval.size_limits import VARIABLE, current
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -201,7 +201,7 @@ def test_names_are_compared_in_linear_time():
     assert time.process_time() - began < 2
 
 
-@pytest.mark.parametrize("parse", [from_json, from_toml, lambda text: urdf_links(text, "x")])
+@pytest.mark.parametrize("parse", [from_json, from_toml, lambda text: read_urdf(text, "x")])
 def test_texts_have_an_end(parse):
     began = time.process_time()
     with pytest.raises((ValueError, InputError), match="document="):
