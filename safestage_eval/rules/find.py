@@ -12,7 +12,7 @@ from . import syntax as ast
 from .diagnostic import RuleErrors
 from .files import benchmark_names, builtin_names, find, on_demand_names
 from .load import load_rules
-from .read_kinds import CODE
+from .tables import CODE
 from .uses import Source, sources
 
 Found = tuple[ast.RuleSet, ast.Scoped, dict[str, Source]]

@@ -123,7 +123,7 @@ CASES = [
     ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\n'
              'box = «[["0 m", "0 m", "0 m"], ["1 m", "1 m", "0 cm"]]»\n'),
     ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\n'
-             'box = «[["0 m", "0 m", "0 m"], ["1 m", "1 m", "9 deg"]]»\n'),
+             'box = [["0 m", "0 m", "0 m"], ["1 m", "1 m", «"9 deg"»]]\n'),
     ("R414", rule(GOOD.replace(" }", ', «"workspace_margin(a)"» = ">= 0 cm" }'))),
     ("R407", HEAD + '[signal.heat]\nbase = "channel"\nchannel = "temperature"\nunit = "degC"\n'
              + RULE + GOOD.replace(" }", ', "heat(a)" = «"<= 80 %"» }')),
