@@ -25,7 +25,7 @@ _DEFINED = ("param", "material", "state", "phase", "signal", "baseline")
 _LISTED = [kind for kind, clause in CLAUSES.items() if clause.value != "alternative"]
 """Obligations whose entries are parts of their own."""
 
-_WORDS = {
+_WORDS: dict[str, str] = {
     **{kind: clause.heading for kind, clause in CLAUSES.items()},
     "given": "only if", "during": "judged during", "at": "judged at",
 }  # fmt: skip

@@ -434,12 +434,12 @@ class Value:
     def _truth(self, call: ast.Call) -> ast.StateAtom | ast.CountAtom | None:
         if isinstance(self.value, bool):
             return ast.StateAtom(call, self.value)
-        counted = None
-        if isinstance(self.value, str) and self.value.startswith("at "):
-            counted = self.parsed("R301", string_parser.count)
-        if counted is None:
+        if not isinstance(self.value, str) or not self.value.startswith("at "):
             what = f"{call.name}() is a state, not a signal: {literal(self.value)} does not fit"
             self.report("R405", what, 'true, false, "at least 2 role", "at most 1 role"')
+            return None
+        counted = self.parsed("R301", string_parser.count)
+        if counted is None:
             return None
         if not self.scope.counting:
             what = "bodies can be counted in rules and goals only, where roles are"

@@ -11,7 +11,7 @@ Kind = Literal[
     "call", "flag", "operands", "value", "budget", "per", "goal table", "base", "box", "length", "channel", "axis", "side",
     "codes", "sentence",
 ]  # fmt: skip
-"""The kinds of values; ``KINDS`` of ``read_kinds`` and the schema know each of them."""
+"""The kinds of values; ``KINDS`` of ``tables`` and the schema know each of them."""
 
 
 @dataclass(frozen=True)
