@@ -152,14 +152,6 @@ CASES = [
              + '[signal.far]\nof = ["x"]\ndifference = «["height(x)", "1 N"]»\n'),
     ("R407", rule(GOOD.replace(" }", ', "soon(a)" = «"<= 1 m"» }'))
              + '[signal.soon]\nof = ["x"]\nderivative = "height(x)"\n'),
-    # what the language had, with what says it now
-    ("R201", HEAD + '[«task».x]\nrules = ["ETS000"]\n'),
-    ("R201", HEAD + '[«family».x]\nrules = ["ETS000"]\n'),
-    ("R201", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
-             + '[signal.far]\nof = ["x"]\n«min» = ["height(x)", "1 m"]\n'),
-    ("R307", rule(GOOD.replace(" }", ', «"once[1 s, 2 s] moved(a)"» = true }'))),
-    ("R307", rule(GOOD.replace(" }", ', «"moved(a) since[0 s] moved(b)"» = true }'))),
-    ("R307", rule(GOOD.replace(" }", ', «"moved(a) xor moved(b)"» = true }'))),
     ("R305", rule(GOOD).replace('a = "object"', 'a = «"every object unnamed"»')),
 ]  # fmt: skip
 
