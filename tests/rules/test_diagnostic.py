@@ -219,6 +219,19 @@ def test_what_the_language_had_is_refused_with_what_says_it_now(gone: str, tmp_p
     assert {**GONE, **GONE_ATOMS}[gone] in (found.fix, found.allowed)
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(("deep", "codes"), [(30, []), (60, ["R410"]), (2000, ["R410"])])
+def test_definitions_rest_on_one_another_only_so_deep(
+    deep: int, codes: list[str], backwards: bool, tmp_path: Path
+) -> None:
+    on = ["height(a)", *(f"s{i}(a)" for i in range(deep - 1))]
+    signals = [f'[signal.s{i}]\nof = ["a"]\nabs = "{one}"\n' for i, one in enumerate(on)]
+    last = f'forbid = [{{ "s{deep - 1}(a)" = "> 1 m" }}, "contact(a, b)"]\n'
+    text = HEAD + "".join(reversed(signals) if backwards else signals) + RULE + last
+    (tmp_path / "mine.toml").write_text(text)
+    assert [d.code for d in check_rules([tmp_path / "mine.toml"])] == codes
+
+
 def test_all_problems_at_once(tmp_path: Path) -> None:
     texts = [
         'require = { "clearence(a, b)" = ">= 5 cm" }\nduring = "holding"\n',
