@@ -94,11 +94,6 @@ def read_goal(names: Names, table: Any, path: str) -> tuple[list[Diagnostic], as
     return sorted(set(reading.problems)), None if reading.problems else goal
 
 
-def check_goal(names: Names, table: Any, path: str) -> list[Diagnostic]:
-    """All problems of one goal table that stands in a trace's header or a bind file."""
-    return read_goal(names, table, path)[0]
-
-
 def _strangers(page: Entry) -> None:
     """What stands at the top of a file and should not."""
     for name, value in page.value.items():
