@@ -70,7 +70,8 @@ def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> 
 def _defects(check: Check, subject: Subject) -> Iterator[Defect]:
     """What a check finds in one episode; of columns what its diagnosis says."""
     if check.over != "campaign":
-        yield from subject.explained(check.code) if check.over == "columns" else check.run(subject)
+        told = check.over in ("header", "columns")
+        yield from subject.explained(check.code) if told else check.run(subject)
         for run in check.more:
             yield from run(subject)
 

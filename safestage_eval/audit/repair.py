@@ -258,7 +258,10 @@ def _clock(by: float) -> Mend:
 
     def mend(episode: Episode, _: Collection[str]) -> Episode:
         spacing = by * float(np.median(np.diff(episode.t)))
-        return replace(episode, t=episode.t * by) if 1e-4 <= spacing <= RATE else episode
+        if not 1e-4 <= spacing <= RATE:
+            return episode
+        header = episode.header.model_copy(update={"frame_dt": spacing})
+        return replace(episode, header=header, t=episode.t * by)
 
     return mend
 

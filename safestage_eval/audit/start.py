@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, ContactTable, Episode, Track
-from safestage_eval.episode.contacts import Pair
+from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import PLANE, body_shapes
 from safestage_eval.geometry.pose import matrix
 
@@ -18,7 +16,6 @@ from .subject import Subject
 
 if TYPE_CHECKING:
     from safestage_eval.geometry.mover import Mover
-    from safestage_eval.relations.relations import Relations
 
 F64 = NDArray[np.float64]
 
@@ -197,75 +194,6 @@ class Start:
 
         track, shape = self.episode.track(body.name), BodyShape.build(body, self.episode.meshes)
         return Mover.build(shape, track.position, track.orientation).at(frames)
-
-    @cached_property
-    def relations(self) -> Relations:
-        """Relations and signals of the first seconds alone."""
-        from safestage_eval.evidence.measure import Signals
-        from safestage_eval.relations.relations import Relations
-
-        return Relations(Signals(first_frames(self.episode, self.frames_settled)))
-
-    @property
-    def frames_settled(self) -> int:
-        """How many frames estimate the initial state, settling included."""
-        t = self.episode.t
-        return max(6, int(np.searchsorted(t, t[0] + 1.2)))
-
-
-class _EarlyContacts(ContactTable):
-    """The contacts of the first frames, pair by pair as they are asked for."""
-
-    def __init__(self, table: ContactTable, count: int) -> None:
-        vars(self).update(_table=table, _count=count, _rows={})
-
-    def __getattr__(self, name: str) -> Any:
-        """Whole columns."""
-        if name.startswith("__"):
-            raise AttributeError(name)
-        table = vars(self)["_table"]
-        return getattr(table, name)[table.frame < vars(self)["_count"]]
-
-    @cached_property
-    def pairs(self) -> list[Pair]:
-        """The pairs that touch in the first frames."""
-        return [pair for pair in vars(self)["_table"].pairs if self._early(pair).any()]
-
-    def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """Columns of a pair in the first frames."""
-        early = self._early(pair)
-        return tuple(values[early] for values in vars(self)["_table"].of_pair(pair, *columns))
-
-    def _early(self, pair: Pair) -> NDArray[np.bool_]:
-        """Which rows of a pair are of the first frames."""
-        rows: dict[Pair, NDArray[np.bool_]] = vars(self)["_rows"]
-        if pair not in rows:
-            rows[pair] = vars(self)["_table"].of_pair(pair, "frame")[0] < vars(self)["_count"]
-        return rows[pair]
-
-
-def first_frames(episode: Episode, count: int) -> Episode:
-    """The first frames of an episode, without its end: whether it succeeded is not known."""
-    columns = [f.name for f in fields(Track)]
-    tracks = {
-        name: track if len(track) == 1 else Track(*(getattr(track, c)[:count] for c in columns))
-        for name, track in episode.tracks.items()
-    }
-    table, robot = episode.contacts, episode.frames
-    header = episode.header.model_copy(
-        update={"success": None, "success_time": None, "termination": None}
-    )
-    return replace(
-        episode,
-        header=header,
-        t=episode.t[:count],
-        tracks=tracks,
-        _contacts=_EarlyContacts(table, count),
-        _frames=replace(robot, **{f.name: getattr(robot, f.name)[:count] for f in fields(robot)}),
-        channels={key: values[:count] for key, values in episode.channels.items()},
-        states={},
-        path=None,
-    )
 
 
 def start_of(subject: Subject) -> Start | None:

@@ -5,6 +5,6 @@ its rules read (``columns.AtHand``), the audit all of them.
 """
 
 from .columns import AtHand, Columns, Whole
-from .find_doubts import contradictions
+from .find_doubts import contradictions, header_contradictions
 
-__all__ = ["AtHand", "Columns", "Whole", "contradictions"]
+__all__ = ["AtHand", "Columns", "Whole", "contradictions", "header_contradictions"]

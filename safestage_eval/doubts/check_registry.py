@@ -16,6 +16,8 @@ Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 """The gravest first."""
 
+Over = Literal["header", "columns", "episode", "campaign"]
+
 Of = Literal["recording", "scene", "evaluation"]
 
 CODES: dict[Of, str] = {"recording": "AUD1", "scene": "AUD2", "evaluation": "AUD3"}
@@ -35,8 +37,9 @@ class Check:
         why: what it does to verdicts, in a sentence or two.
         example: a recording that has it.
         issue: where it went wrong in public: ``lerobot#4465``; None if we know of none.
-        over: ``columns``: the function takes ``Columns`` and yields contradictions, which make columns
-            unknown where an episode is scored; ``episode``: it takes the audit's ``Subject``, in a
+        over: ``header``: the function takes an ``Episode``, of which it reads header and time stamps, and
+            yields contradictions, for which an episode is not scored; ``columns``: it takes ``Columns`` and
+            yields contradictions, which make columns unknown where an episode is scored; ``episode``: it takes the audit's ``Subject``, in a
             worker process; ``campaign``: it takes a ``Campaign``, the summaries of all episodes.
         unless: codes of checks of the same episode that explain the defect better: nothing is
             reported about bodies of which one of them reported something, or about any if it
@@ -52,7 +55,7 @@ class Check:
     why: str
     example: str
     issue: str | None
-    over: Literal["columns", "episode", "campaign"]
+    over: Over
     unless: tuple[str, ...]
     cheap: bool
     run: Run
@@ -83,7 +86,7 @@ def check(
     why: str,
     example: str,
     issue: str | None = None,
-    over: Literal["columns", "episode", "campaign"] | None = None,
+    over: Over | None = None,
     unless: tuple[str, ...] = (),
     cheap: bool = False,
 ) -> Callable[[Declared], Declared]:

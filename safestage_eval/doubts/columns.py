@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Mesh, RobotFrames
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.episode.invariants import measured
 from safestage_eval.episode.rounding import Rounding, rounding_of
 from safestage_eval.episode.scene_shapes import BodyShapes, body_shapes
 
@@ -113,15 +114,18 @@ class Columns:
         self._roundings: dict[str, Rounding] = {}
         matters = [self.at_hand.matters(body.name) for body in episode.header.bodies]
         self.pairs = {
-            (i, j): self.at_hand.contacts((i, j))
+            (i, j): {
+                name: measured(values) for name, values in self.at_hand.contacts((i, j)).items()
+            }
             for i, j in episode.contacts.pairs
             if matters[i] or matters[j]
         }
         self.some = [body for body in self.header.bodies if self.at_hand.some(body.name)]
 
     def track(self, body: Body, column: str) -> Array | None:
-        """See ``AtHand``."""
-        return self.at_hand.track(body.name, column)
+        """See ``AtHand``; with NaN for what is infinite."""
+        found = self.at_hand.track(body.name, column)
+        return None if found is None else measured(found)
 
     def rounding(self, column: str) -> Rounding:
         """That of a column of contacts, as far as it is at hand."""

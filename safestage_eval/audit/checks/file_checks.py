@@ -13,14 +13,14 @@ from safestage_eval.doubts.check_registry import check
     "AUD100",
     "error",
     title="the file breaks the format",
-    why="Nothing is judged: columns are missing, have the wrong length, or hold what is no number. "
+    why="Nothing is judged: columns are missing, have the wrong length, or time goes back. "
     "Its motion and contacts are not looked at either.",
     example="a column of poses with fewer rows than time stamps",
     issue="huggingface/lerobot#933",
 )
 def broken_format(subject: Subject) -> Iterator[Defect]:
-    """Checks lengths, finite values, increasing time, unit quaternions and names in contacts."""
-    errors = subject.format_errors
+    """Checks lengths, increasing time, unit quaternions and names in contacts."""
+    errors = subject.broken
     if not errors:
         return
     first, more = errors[0], len(errors) - 1

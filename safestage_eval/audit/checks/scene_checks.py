@@ -13,7 +13,6 @@ from safestage_eval.audit.subject import Subject
 from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.players import combinations
@@ -312,8 +311,7 @@ def no_hazard(subject: Subject) -> Iterator[Defect]:
                 field=f"roles.{empty[0]}",
             )
         elif (
-            rule.given is not None
-            and _given(start, subject.rules, binding.params(rule), rule, players) is False
+            rule.given is not None and _given(subject, rule, binding.params(rule), players) is False
         ):
             yield Defect(
                 f"{rule.code} ({rule.title}) is given what does not hold at the start of this scene, for "
@@ -329,14 +327,13 @@ def no_hazard(subject: Subject) -> Iterator[Defect]:
 
 
 def _given(
-    start: Start,
-    rules: RuleSet,
-    params: Mapping[str, ast.Quantity | ast.Duration],
+    subject: Subject,
     rule: ast.Scoped,
+    params: ast.Params,
     players: Mapping[str, tuple[str, ...]],
 ) -> bool | None:
     """Whether a rule applies to any combination of bodies; None where that is not known."""
-    evaluator = Evaluator(start.relations, rules, params, None)
+    evaluator = Evaluator(subject.relations, subject.rules, params, None)
     evaluator.players = players
     conditions = [applies(evaluator, rule, env) for env in combinations(rule, players)]
     if any(one is True for one in conditions):
