@@ -156,18 +156,20 @@ def surface_distances(
     across = _cross(v, away)
     local = away - 2 * w * across + 2 * _cross(v, across)  # into the body frame
     least = np.full(len(point), np.inf)
-    for kind, size, place, axes in zip(*shapes[:4], strict=True):
-        least = np.minimum(least, _surface(int(kind), size, (local - place) @ axes))
+    for kind in {*shapes.kind.tolist()}:
+        some = shapes.kind == kind
+        inside = np.einsum("gni,gij->gnj", local - shapes.place[some, None], shapes.axes[some])
+        least = np.minimum(least, _surface(kind, shapes.size[some, None], inside).min(axis=0))
     return np.where(np.isfinite(local).all(axis=1), least, np.nan)
 
 
 def _surface(kind: int, size: F64, point: F64) -> Any:
-    """(N,) distance (m) of points (N, 3) from the surface of a shape; of a mesh, from the box around it.
+    """(G, N) distance (m) of points (G, N, 3) from the surface of shapes; of a mesh, from the box around it.
 
     Of an ellipsoid an estimate, right to a few percent near it.
     """
-    x, y, z = point.T
-    a, b, _ = size
+    x, y, z = np.moveaxis(point, -1, 0)
+    a, b, _ = np.moveaxis(size, -1, 0)
     if kind == SPHERE:
         return np.abs(_lengths(point) - a)
     if kind == PLANE:
@@ -178,12 +180,12 @@ def _surface(kind: int, size: F64, point: F64) -> Any:
     if kind in (BOX, MESH):
         beyond = np.abs(point) - size
     elif kind == CYLINDER:
-        beyond = np.stack([np.hypot(x, y) - a, np.abs(z) - b], 1)
+        beyond = np.stack([np.hypot(x, y) - a, np.abs(z) - b], -1)
     else:
         k0, k1 = _lengths(point / size), _lengths(point / size**2)
-        return np.where(k1 > 0, np.abs(k0 * (k0 - 1) / np.maximum(k1, 1e-300)), size.min())
+        return np.where(k1 > 0, np.abs(k0 * (k0 - 1) / np.maximum(k1, 1e-300)), size.min(axis=-1))
     outside = _lengths(np.maximum(beyond, 0))
-    return outside if kind == MESH else np.where(outside > 0, outside, -beyond.max(axis=1))
+    return outside if kind == MESH else np.where(outside > 0, outside, -beyond.max(axis=-1))
 
 
 def distances(first: F32, second: F32) -> Any:
@@ -264,5 +266,5 @@ def _cross(a: F64, b: F64) -> F64:
 
 
 def _lengths(vectors: Floats) -> Any:
-    """(N,) of vectors (N, 3 or so)."""
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    """(…) of vectors (…, 3 or so)."""
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))

@@ -57,7 +57,7 @@ def contact_places(columns: Columns) -> Iterator[ContradictionError]:
     """Asks for contact points within 3 cm of the surfaces of both bodies, and for bodies that meet."""
     for pair, told in columns.pairs.items():
         frame, point = told.get("frame"), told.get("position")
-        there = []
+        there, compared = [], 0
         for body in sorted((columns.header.bodies[i] for i in pair), key=lambda b: not b.movable):
             shapes, place = columns.shapes(body), columns.track(body, "position")
             if shapes is None or place is None:
@@ -66,7 +66,8 @@ def contact_places(columns: Columns) -> Iterator[ContradictionError]:
             there.append(one)
             if frame is not None and point is not None and one.turn is not None:
                 yield from _points(columns, pair, frame, point, one)
-        if len(there) == 2:
+                compared += 1
+        if len(there) == 2 > compared:
             yield from _apart(columns, pair, frame, *sorted(there, key=lambda x: x.shapes.radius))
 
 

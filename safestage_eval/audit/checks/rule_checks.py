@@ -9,12 +9,15 @@ from safestage_eval._text.plural import first_few
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
 from safestage_eval.doubts.check_registry import check
+from safestage_eval.episode import with_holes
 from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import BY_ROLES
 from safestage_eval.verdicts.explain import cause_and_remedy
 from safestage_eval.verdicts.players import nodes
+
+from .clock_checks import SLOW
 
 SAID = re.compile(r"the recording ends \S+ s after success|nothing was recorded")
 """Causes that other checks report: too short a recording, and its holes."""
@@ -94,11 +97,15 @@ def short_tail(subject: Subject) -> Iterator[Defect]:
     unless=("AUD105", "AUD106", "AUD119", "AUD125", "AUD126", "AUD137", "AUD151"),
 )
 def undecidable(subject: Subject) -> Iterator[Defect]:
-    """Judges by the assigned rules, as scoring does, and says why a verdict is inconclusive."""
+    """Judges by the assigned rules, as scoring does, and says why a verdict is inconclusive.
+
+    Where the recording lacks forces, shapes, fingers or samples; why any other verdict is open,
+    ``safestage score`` says.
+    """
     from safestage_eval.verdicts.judging import Judge
 
     binding = subject.binding
-    if binding is None or not subject.sound or not subject.assigned:
+    if binding is None or not subject.sound or not subject.assigned or not _lacking(subject):
         return
     try:
         judge = Judge(subject.episode, subject.rules, binding, subject.relations)
@@ -118,6 +125,20 @@ def undecidable(subject: Subject) -> Iterator[Defect]:
                 field="rules",
                 time=verdict.worst_time,
             )
+
+
+def _lacking(subject: Subject) -> bool:
+    """Whether anything was not recorded that rules ask for."""
+    episode, bodies = subject.episode, subject.header.bodies
+    fingers = {body.finger for body in bodies}
+    return (
+        subject.header.force_source == "none"
+        or not episode.contacts.pairs
+        or not {"left", "right"} <= fingers
+        or any(body.unseen for body in bodies)
+        or episode.dt > SLOW
+        or with_holes(episode).unseen is not None
+    )
 
 
 @check(
