@@ -6,14 +6,14 @@ poses and shapes, forces with weights. What nobody could see is not: all lengths
 together with gravity.
 
 Nothing is read for it. ``AtHand`` gives the columns that were read for a verdict, so that what a
-verdict rests on is checked at hardly any cost; ``Whole`` gives everything (``safestage audit``).
+verdict rests on is checked at hardly any cost, or everything (``safestage audit``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from operator import is_
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,63 +30,41 @@ CONTACTS = ("frame", "position", "normal", "force", "force.z", "peak_force", "de
 """Columns of contacts that are looked at."""
 
 
-class AtHand(Protocol):
-    """Columns that may be looked at."""
+class AtHand:
+    """Columns that may be looked at: all of an episode; other classes have less at hand."""
+
+    def __init__(self, episode: Episode) -> None:
+        self._episode = episode
 
     def matters(self, body: str) -> bool:
         """Whether contacts and forces of a body are to be looked at."""
+        return body in self._episode.tracks
 
     def some(self, body: str) -> bool:
         """Whether any column of a body's track is at hand."""
+        return body in self._episode.tracks
 
     def track(self, body: str, column: str) -> Array | None:
         """A column as in ``Track``; None where it is not at hand.
 
         The place of a fixture is one row, and may be read; that of a free body where it matters.
         """
+        found: Array = getattr(self._episode.tracks[body], column)
+        return found
 
-    def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:
+    def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:  # noqa: ARG002
         """Columns of the contacts of a pair, as ``ContactTable.of_pair``, by name.
 
         ``read``: columns that are to be read if they are not at hand.
         """
-
-    def frames(self) -> RobotFrames | None:
-        """Joints and gripper; None where they are not at hand."""
-
-    def meshes(self) -> Mapping[str, Mesh]:
-        """Those at hand."""
-
-
-class Whole:
-    """Everything is at hand."""
-
-    def __init__(self, episode: Episode) -> None:
-        self._episode = episode
-
-    def matters(self, body: str) -> bool:
-        """See ``AtHand``."""
-        return body in self._episode.tracks
-
-    def some(self, body: str) -> bool:
-        """See ``AtHand``."""
-        return body in self._episode.tracks
-
-    def track(self, body: str, column: str) -> Array | None:
-        """See ``AtHand``."""
-        found: Array = getattr(self._episode.tracks[body], column)
-        return found
-
-    def contacts(self, pair: Pair, *_: str) -> Mapping[str, Array]:
-        """See ``AtHand``."""
         return dict(zip(CONTACTS, self._episode.contacts.of_pair(pair, *CONTACTS), strict=True))
 
     def frames(self) -> RobotFrames | None:
-        """See ``AtHand``."""
+        """Joints and gripper; None where they are not at hand."""
         return self._episode.frames
 
     def meshes(self) -> Mapping[str, Mesh]:
-        """See ``AtHand``."""
+        """Those at hand."""
         return self._episode.meshes
 
 
@@ -108,7 +86,7 @@ class Columns:
     def __init__(self, episode: Episode, at_hand: AtHand | None = None) -> None:
         """``at_hand``: what may be read, None: all."""
         self.episode, self.header, self.t = episode, episode.header, episode.t
-        self.at_hand = Whole(episode) if at_hand is None else at_hand
+        self.at_hand = AtHand(episode) if at_hand is None else at_hand
         self.found: dict[Any, Any] = {}
         self._meshes = self.at_hand.meshes()
         self._roundings: dict[str, Rounding] = {}
