@@ -14,6 +14,7 @@ from safestage_eval.verdicts.problem import Problem
 
 from .campaign_summary import Summary, summarize
 from .finding import Defect, Finding, Place
+from .start import start_of
 from .subject import Subject
 
 
@@ -70,8 +71,13 @@ def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> 
 def _defects(check: Check, subject: Subject) -> Iterator[Defect]:
     """What a check finds in one episode; of columns what its diagnosis says."""
     if check.over != "campaign":
-        told = check.over in ("header", "columns")
-        yield from subject.explained(check.code) if told else check.run(subject)
+        if check.over == "scene":
+            start = start_of(subject)
+            yield from check.run(start) if start is not None else ()
+        elif check.over == "episode":
+            yield from check.run(subject)
+        else:
+            yield from subject.explained(check.code)
         for run in check.more:
             yield from run(subject)
 

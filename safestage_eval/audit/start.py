@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import PLANE, body_shapes
-from safestage_eval.geometry.pose import matrix
+from safestage_eval.geometry.pose import matrix, rotate
 
 from .subject import Subject
 
@@ -34,13 +34,16 @@ class Start:
     Attributes:
         stop: the frame at which the robot first touches an object, or may (without contacts); at the
             latest that after ``LONGEST`` seconds.
+        header: of the episode.
+        begins: s, its first sample.
         moved: objects that nothing is jointed to, and that are jointed to nothing.
     """
 
     def __init__(self, subject: Subject) -> None:
         self.subject, self.episode = subject, subject.episode
         self._boxes: dict[tuple[str, int], tuple[F64, F64] | None] = {}
-        header, t = subject.header, self.episode.t
+        self.header = header = subject.header
+        t, self.begins = self.episode.t, float(self.episode.t[0])
         jointed = {body.parent for body in header.bodies} | {joint.body for joint in header.joints}
         self.moved = [
             b for b in subject.objects if b.parent is None and b.name not in jointed and b.geoms
@@ -53,7 +56,7 @@ class Start:
     def solid(self) -> list[Body]:
         """All bodies but regions, which are no matter."""
         known = self.episode.tracks
-        return [b for b in self.subject.header.bodies if b.kind != "region" and b.name in known]
+        return [b for b in self.header.bodies if b.kind != "region" and b.name in known]
 
     @property
     def blind(self) -> bool:
@@ -78,7 +81,7 @@ class Start:
     @cached_property
     def _touches_of_robot(self) -> dict[str, NDArray[np.int32]]:
         """Object → frames at which the robot touches it."""
-        bodies, touches = self.subject.header.bodies, dict[str, NDArray[np.int32]]()
+        bodies, touches = self.header.bodies, dict[str, NDArray[np.int32]]()
         for i, j in self.episode.contacts.pairs:
             for one, other in ((bodies[i], bodies[j]), (bodies[j], bodies[i])):
                 if one.kind in ROBOT and other.kind == "object" and other.movable:
@@ -97,6 +100,14 @@ class Start:
     def position(self, body: str) -> F64:
         """(stop, 3) m."""
         return self.episode.track(body).position[: self.stop].astype(float)
+
+    def up(self, body: Body, frame: int = 0) -> float | None:
+        """Cosine between the up axis of a body and the vertical; None without an up axis."""
+        if body.up_axis is None:
+            return None
+        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
+        turn = self.episode.track(body.name).orientation
+        return float(rotate(turn[min(frame, len(turn) - 1)].astype(float), axis)[2])
 
     def boxes(self, body: Body, frame: int = 0) -> tuple[F64, F64] | None:
         """(G, 3) and (G, 3) m, lower and upper corners of boxes around its geoms, in the world."""
