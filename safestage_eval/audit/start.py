@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body
-from safestage_eval.episode.scene_shapes import PLANE, body_shapes
+from safestage_eval.episode.scene_shapes import PLANE, body_shapes, world_boxes
 from safestage_eval.geometry.pose import matrix, rotate
 
 from .subject import Subject
@@ -123,10 +123,7 @@ class Start:
         track = self.episode.track(body.name)
         frame = min(frame, len(track) - 1)
         turn = matrix(track.orientation[frame].astype(float))
-        axes = np.abs(np.einsum("ij,gjk->gik", turn, shapes.axes))
-        reach = np.einsum("gij,gj->gi", axes, shapes.half)
-        centre = shapes.place @ turn.T + track.position[frame].astype(float)
-        return centre - reach, centre + reach
+        return world_boxes(shapes, turn, track.position[frame].astype(float))
 
     def overlaps(self, least: float, frame: int = 0) -> list[tuple[Body, Body]]:
         """Pairs of bodies whose geoms' boxes overlap by a depth (m) along every axis."""
