@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from safestage_eval.formats import load
 from safestage_eval.rules import load_rules
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 from safestage_eval.verdicts import judge
 from simulate.cli.record_command import record
 
