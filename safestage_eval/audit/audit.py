@@ -153,7 +153,7 @@ def audit_many(
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
         from safestage_eval.run.pool import Local
 
-        from .audit_worker import opened
+        from .audit_episode import opened
 
         codes = tuple(check.code for check in checks)
         with Local(workers, settings, codes, opened=opened) as engine:

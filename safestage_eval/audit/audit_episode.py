@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from safestage_eval._process.within import within_limits
 from safestage_eval.doubts.check_registry import Check
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import BindFile, RuleSet
+from safestage_eval.run.settings import Settings
 from safestage_eval.verdicts.problem import Problem
 
 from .campaign_summary import Summary, summarize
+from .choose import choose
 from .finding import Defect, Finding, Place
+from .start import start_of
 from .subject import Subject
 
 
@@ -47,6 +51,14 @@ def audit_episode(
         return Problem(ref.shown, f"{ref.shown}: cannot be read: {type(error).__name__}: {error}")
 
 
+def opened(settings: Settings, codes: tuple[str, ...]) -> Callable[[EpisodeRef], Any]:
+    """What audits an episode in a worker process, by the checks of these codes."""
+    from safestage_eval.run.worker import lasting
+
+    checks, rules = choose(codes), settings.rule_set
+    return lasting(lambda ref: audit_episode(ref, checks, rules, settings.bind))
+
+
 def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> list[Finding]:
     """Run the checks of an episode; findings in the order of the checks.
 
@@ -70,7 +82,13 @@ def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> 
 def _defects(check: Check, subject: Subject) -> Iterator[Defect]:
     """What a check finds in one episode; of columns what its diagnosis says."""
     if check.over != "campaign":
-        yield from subject.explained(check.code) if check.over == "columns" else check.run(subject)
+        if check.over == "scene":
+            start = start_of(subject)
+            yield from check.run(start) if start is not None else ()
+        elif check.over == "episode":
+            yield from check.run(subject)
+        else:
+            yield from subject.explained(check.code)
         for run in check.more:
             yield from run(subject)
 

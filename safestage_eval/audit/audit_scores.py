@@ -11,9 +11,7 @@ from safestage_eval.doubts.check_registry import Check
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
 from safestage_eval.rules import BindFile, RuleSet
-from safestage_eval.rules import syntax as ast
 from safestage_eval.run.scores import Scores
-from safestage_eval.verdicts.verdict import EpisodeResult, Verdict
 
 from .audit import Audit, audit_campaign
 from .audit_episode import check_subject
@@ -32,16 +30,6 @@ class _Judged(Subject):
 
     readable, whole = True, False
 
-    def __init__(
-        self, episode: Episode, rules: RuleSet, bind: BindFile | None, result: EpisodeResult
-    ) -> None:
-        super().__init__(episode, rules, bind)
-        self._verdicts = {verdict.rule: verdict for verdict in result.verdicts}
-
-    def verdict(self, rule: ast.Scoped) -> Verdict | None:
-        """Return the verdict of scoring."""
-        return self._verdicts.get(rule.code)
-
     @cached_property
     def broken(self) -> list[TraceError]:
         """Nothing: else it would be a problem."""
@@ -58,15 +46,13 @@ def _cheap() -> tuple[Check, ...]:
     return tuple(check for check in choose(ignore=TOLD) if check.cheap)
 
 
-def look(
-    episode: Episode, rules: RuleSet, bind: BindFile | None, result: EpisodeResult
-) -> dict[str, Any]:
+def look(episode: Episode, rules: RuleSet, bind: BindFile | None) -> dict[str, Any]:
     """Facts and findings of the cheap checks in an episode that was just judged, as JSON values.
 
     Returns:
         ``findings``, and the ``summary`` for the checks of an evaluation.
     """
-    subject = _Judged(episode, rules, bind, result)
+    subject = _Judged(episode, rules, bind)
     findings = check_subject(subject, _cheap(), str(episode.path or ""))
     summary = dict(vars(summarize(subject, goal=False)))
     del summary["waypoints"], summary["goal"]

@@ -245,11 +245,7 @@ def _goal(subject: Subject) -> Goal | None:
     from safestage_eval.verdicts.goal import CONFIRM, goal_over_time
 
     episode = subject.relations.episode
-    causal = (
-        Evaluator(subject.relations, subject.rules, binding.params(None), None, causal=True)
-        if subject.judge is None
-        else subject.judge.causal
-    )
+    causal = Evaluator(subject.relations, subject.rules, binding.params(None), None, causal=True)
     lasts = [CONFIRM, *([binding.goal.for_] if binding.goal.for_ is not None else [])]
     windows, count = [causal.window(duration) for duration in lasts], len(episode)
     soonest = max(window.stop(0) for window in windows)

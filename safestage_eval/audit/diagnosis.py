@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from safestage_eval.doubts import Whole, contradictions
+from safestage_eval.doubts import AtHand, contradictions
 from safestage_eval.doubts.column_comparisons import compare_motion
 from safestage_eval.doubts.motion_doubts import LEAST, LONGEST, PAIRS, WINDOW
 from safestage_eval.episode import Episode
@@ -71,7 +71,7 @@ def diagnose(episode: Episode, errors: Sequence[ContradictionError]) -> Diagnosi
     return Diagnosis(left=tuple(errors)) if best is None else best[2]
 
 
-class _Only(Whole):
+class _Only(AtHand):
     """Some bodies alone are at hand, and their contacts."""
 
     def __init__(self, episode: Episode, names: Collection[str]) -> None:

@@ -13,16 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.doubts.column_comparisons import turns
-from safestage_eval.episode import Body, Episode
-from safestage_eval.episode.scene_shapes import (
-    CAPSULE,
-    CYLINDER,
-    ELLIPSOID,
-    PLANE,
-    SPHERE,
-    body_shapes,
-    rotation_matrix,
-)
+from safestage_eval.episode import Body, Episode, Mesh, Track
+from safestage_eval.episode.scene_shapes import PLANE, body_shapes, world_boxes
+from safestage_eval.geometry.pose import matrix
 
 from .subject import Subject
 
@@ -119,12 +112,9 @@ def _gaps(subject: Subject, episode: Episode, swap: bool) -> Mapping[str, float]
     for body in subject.header.bodies:
         if body.kind in ("region", "robot", "gripper") or body.name not in episode.tracks:
             continue
-        track = episode.tracks[body.name]
-        turn = track.orientation[0]
-        span = _span(body, episode, _other_order(turn) if swap else turn)
-        if span is not None and np.isfinite(track.position[0]).all():
-            place = track.position[0].astype(np.float64)
-            spans[body.name] = span[0] + place, span[1] + place
+        span = _span(body, episode.tracks[body.name], episode.meshes, swap)
+        if span is not None:
+            spans[body.name] = span
     gaps = {}
     for body in subject.objects:
         if body.parent is not None or body.name not in spans:
@@ -142,38 +132,21 @@ def _gaps(subject: Subject, episode: Episode, swap: bool) -> Mapping[str, float]
     return gaps
 
 
-def _span(body: Body, episode: Episode, quaternion: NDArray[np.float32]) -> tuple[F64, F64] | None:
-    """Corners (3,) of the box around a body turned so, from its origin; None where it is not known."""
-    shapes = body_shapes(body, episode.meshes)
-    if shapes is None or not np.isfinite(quaternion).all():
+def _span(
+    body: Body, track: Track, meshes: Mapping[str, Mesh], swap: bool
+) -> tuple[F64, F64] | None:
+    """Corners (3,) of the box around a body at the first frame; None where it is not known."""
+    shapes = body_shapes(body, meshes)
+    quaternion, place = track.orientation[0], track.position[0].astype(np.float64)
+    if shapes is None or not (np.isfinite(quaternion).all() and np.isfinite(place).all()):
         return None
-    turn = rotation_matrix(tuple(quaternion.astype(float).tolist()))
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for geom, kind, size, place, axes in zip(body.geoms, *shapes[:4], strict=True):
-        middle, way = turn @ place, turn @ axes
-        if geom.mesh is not None:
-            points = (
-                episode.meshes[geom.mesh].vertices @ (turn @ rotation_matrix(geom.orientation)).T
-            )
-            points = points + turn @ np.asarray(geom.position)
-            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-            continue
-        if kind == PLANE:
-            if way[2, 2] < 1 - 1e-6:
-                return None
-            reach = np.array([np.inf, np.inf, 0.0])
-        elif kind == SPHERE:
-            reach = np.full(3, size[0])
-        elif kind == ELLIPSOID:
-            reach = np.linalg.norm(way * size, axis=1)
-        elif kind in (CYLINDER, CAPSULE):
-            along = np.abs(way[:, 2])
-            around = np.sqrt(np.maximum(1 - along**2, 0)) if kind == CYLINDER else 1.0
-            reach = size[0] * around + size[1] * along
-        else:
-            reach = np.abs(way) @ size
-        low, high = np.minimum(low, middle - reach), np.maximum(high, middle + reach)
-    return low, high
+    turn = matrix((_other_order(quaternion) if swap else quaternion).astype(np.float64))
+    low, high = world_boxes(shapes, turn, place)
+    planes = shapes.kind == PLANE
+    if ((turn @ shapes.axes)[planes, 2, 2] < 1 - 1e-6).any():
+        return None
+    low[planes, :2], high[planes, :2] = -np.inf, np.inf
+    return low.min(axis=0), high.max(axis=0)
 
 
 def _named(names: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -13,13 +13,16 @@ from safestage_eval.episode import Body, ContactTable, Episode, Track
 from safestage_eval.geometry.pose import conjugate, product, rotate
 
 Array = NDArray[Any]
+Change = Callable[[Any], Any]
 Mend = Callable[[Episode, Collection[str]], Episode]
 
 MOTION = frozenset({"AUD114", "AUD115"})
 PLACES = frozenset({"AUD116", "AUD121"})
 WEIGHTS = frozenset({"AUD123", "AUD127"})
+SHAPES = frozenset({"AUD131", "AUD133", "AUD134"})
+POINTS = frozenset({"AUD121"})
 
-Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+Z_UP = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 """wxyz; turns y into z."""
 
 LENGTHS = {
@@ -37,6 +40,7 @@ SCENE = (0.1, 10.0)
 
 MASSES = {0.001: "grams", 1000.0: "tonnes", 0.4536: "pounds"}
 SPEEDS = {0.01: "cm/s", 0.001: "mm/s", 0.0254: "inches per second", 1000.0: "km/s"}
+TIMES = {60.0: "minutes", 1e3: "kiloseconds", 0.1: "tenths of a second", 1e-3: "milliseconds"}
 TURNS = {np.pi / 180: "degrees per second", 2 * np.pi: "turns per second", 1e-3: "mrad/s"}
 
 
@@ -63,82 +67,64 @@ class Repair:
     whole: bool = False
 
 
-def columns(episode: Episode, names: Collection[str], **changes: Callable[[Any], Any]) -> Episode:
+def columns(episode: Episode, names: Collection[str], **changes: Change) -> Episode:
     """Other columns of the tracks of some bodies."""
     tracks = dict(episode.tracks)
     for name in names:
-        given = tracks[name]
-        changed = {c: np.asarray(f(getattr(given, c)), np.float32) for c, f in changes.items()}
-        tracks[name] = replace(_plain(given), **changed)
+        given = tracks[name].columns
+        changed = {c: np.asarray(change(given[c]), np.float32) for c, change in changes.items()}
+        tracks[name] = Track(**{**given, **changed})
     return replace(episode, tracks=tracks)
 
 
-def contacts(episode: Episode, **changes: Callable[[Any], Any]) -> Episode:
+def contacts(episode: Episode, **changes: Change) -> Episode:
     """Other columns of all contacts."""
-    table = ContactTable(*(getattr(episode.contacts, f.name) for f in fields(ContactTable)))
-    changed: dict[str, Any] = {
-        c: np.asarray(f(getattr(table, c)), np.float32) for c, f in changes.items()
-    }
-    return replace(episode, _contacts=replace(table, **changed))
+    given = {f.name: getattr(episode.contacts, f.name) for f in fields(ContactTable)}
+    changed = {c: np.asarray(change(given[c]), np.float32) for c, change in changes.items()}
+    return replace(episode, _contacts=ContactTable(**{**given, **changed}))
 
 
-def bodies(episode: Episode, names: Collection[str], change: Callable[[Body], Body]) -> Episode:
-    """Other bodies in the header."""
-    changed = tuple(change(b) if b.name in names else b for b in episode.header.bodies)
-    return replace(episode, header=episode.header.model_copy(update={"bodies": changed}))
-
-
-def _plain(track: Track) -> Track:
-    return Track(*(getattr(track, f.name) for f in fields(Track)))
-
-
-def _scaled(by: float) -> Callable[[Array], Array]:
-    return lambda values: values * by
-
-
-def _lengths(by: float, *, speeds: bool) -> Mend:
-    changes = {"position": _scaled(by)} | ({"linear_velocity": _scaled(by)} if speeds else {})
+def _tracks(**changes: Change) -> Mend:
     return lambda episode, names: columns(episode, names, **changes)
 
 
-def _speeds(column: str, by: float) -> Mend:
-    return lambda episode, names: columns(episode, names, **{column: _scaled(by)})
+def _touches(**changes: Change) -> Mend:
+    return lambda episode, _: contacts(episode, **changes)
 
 
-def _quaternions(change: Callable[[Array], Array]) -> Mend:
-    return lambda episode, names: columns(episode, names, orientation=change)
-
-
-def _turned(*, touches: bool) -> Mend:
-    """Y up → z up; ``touches``: contacts as well."""
+def _bodies(change: Callable[[Body], Mapping[str, Any]]) -> Mend:
+    """Other fields of bodies in the header."""
 
     def mend(episode: Episode, names: Collection[str]) -> Episode:
-        turn = np.array(Z_UP)
-        vectors = {c: lambda v: rotate(turn, v.astype(float)) for c in _VECTORS}
-        turned = columns(
-            episode, names, orientation=lambda q: product(turn, q.astype(float)), **vectors
+        changed = tuple(
+            body.model_copy(update=change(body)) if body.name in names else body
+            for body in episode.header.bodies
         )
-        if not touches:
-            return turned
-        return contacts(
-            turned, **dict.fromkeys(("position", "normal", "force"), vectors[_VECTORS[0]])
-        )
+        return replace(episode, header=episode.header.model_copy(update={"bodies": changed}))
 
     return mend
 
 
-_VECTORS = ("position", "linear_velocity", "angular_velocity")
+def _all(*mends: Mend) -> Mend:
+    def mend(episode: Episode, names: Collection[str]) -> Episode:
+        for one in mends:
+            episode = one(episode, names)
+        return episode
+
+    return mend
 
 
-def _turned_places(episode: Episode, names: Collection[str]) -> Episode:
-    """Y up of positions and linear velocities alone."""
-    turn = np.array(Z_UP)
-    return columns(
-        episode,
-        names,
-        position=lambda v: rotate(turn, v.astype(float)),
-        linear_velocity=lambda v: rotate(turn, v.astype(float)),
-    )
+def _scaled(by: float) -> Change:
+    return lambda values: values * by
+
+
+def _upright(vectors: Array) -> Array:
+    """Y up → z up."""
+    return rotate(Z_UP, vectors.astype(float))
+
+
+def _upright_orientation(quaternions: Array) -> Array:
+    return product(Z_UP, quaternions.astype(float))
 
 
 def _from_body(*changed: str) -> Mend:
@@ -156,88 +142,50 @@ def _from_body(*changed: str) -> Mend:
 
 def _exchanged(episode: Episode, names: Collection[str]) -> Episode:
     """Linear and angular velocity."""
-    tracks = dict(episode.tracks)
     for name in names:
-        one = _plain(tracks[name])
-        tracks[name] = replace(
-            one, linear_velocity=one.angular_velocity, angular_velocity=one.linear_velocity
-        )
-    return replace(episode, tracks=tracks)
+        one = episode.tracks[name]
+        other = {"linear_velocity": one.angular_velocity, "angular_velocity": one.linear_velocity}
+        given = Track(**{**one.columns, **other})
+        episode = replace(episode, tracks={**episode.tracks, name: given})
+    return episode
 
 
-def _shapes(by: float) -> Mend:
-    def change(body: Body) -> Body:
-        geoms = tuple(geom.scaled(by) for geom in body.geoms)
-        return body.model_copy(update={"geoms": geoms})
-
-    return lambda episode, names: bodies(episode, names, change)
+def _smaller(body: Body, by: float) -> dict[str, Any]:
+    """All lengths of a body, scaled."""
+    changed: dict[str, Any] = {
+        "geoms": tuple(geom.scaled(by) for geom in body.geoms),
+        "com": tuple(by * x for x in body.com),
+    }
+    for part, lengths in (("cavity", ("size", "position")), ("tcp", ("position",))):
+        if (given := getattr(body, part)) is not None:
+            scaled = {name: tuple(by * x for x in getattr(given, name)) for name in lengths}
+            changed[part] = given.model_copy(update=scaled)
+    return changed
 
 
 def _everything(by: float, unit_of_gravity: float) -> Mend:
     """All lengths of the recording, where a scene is only then one in front of an arm."""
-
-    def change(body: Body) -> Body:
-        changed: dict[str, Any] = {
-            "geoms": tuple(geom.scaled(by) for geom in body.geoms),
-            "com": tuple(by * x for x in body.com),
-        }
-        if body.cavity is not None:
-            lengths = {
-                c: tuple(by * x for x in getattr(body.cavity, c)) for c in ("size", "position")
-            }
-            changed["cavity"] = body.cavity.model_copy(update=lengths)
-        if body.tcp is not None:
-            place = tuple(by * x for x in body.tcp.position)
-            changed["tcp"] = body.tcp.model_copy(update={"position": place})
-        return body.model_copy(update=changed)
+    scaled = _scaled(by)
+    lengths = _all(
+        _tracks(position=scaled, linear_velocity=scaled),
+        _bodies(lambda body: _smaller(body, by)),
+        _touches(position=scaled, depth=scaled),
+    )
 
     def mend(episode: Episode, names: Collection[str]) -> Episode:
         first = [track.position[0] for track in episode.tracks.values()]
         spread = float(np.ptp(np.array(first), axis=0).max()) if len(first) > 1 else 0.0
         if not SCENE[0] < by * spread < SCENE[1] < spread:
             return episode
-        mended = columns(episode, names, position=_scaled(by), linear_velocity=_scaled(by))
-        mended = bodies(mended, names, change)
+        mended = lengths(episode, names)
         down = tuple(unit_of_gravity * x for x in episode.header.gravity)
         meshes = {
             key: replace(mesh, vertices=by * mesh.vertices) for key, mesh in episode.meshes.items()
         }
-        return replace(
-            contacts(mended, position=_scaled(by), depth=_scaled(by)),
-            header=mended.header.model_copy(update={"gravity": down}),
-            meshes=meshes,
-        )
+        header = mended.header.model_copy(update={"gravity": down})
+        return replace(mended, header=header, meshes=meshes)
 
     return mend
-
-
-def _masses(by: float) -> Mend:
-    def change(body: Body) -> Body:
-        mass = None if body.mass is None else by * body.mass
-        return body.model_copy(update={"mass": mass})
-
-    return lambda episode, names: bodies(episode, names, change)
-
-
-def _forces(by: float) -> Mend:
-    return lambda episode, _: contacts(episode, force=_scaled(by), peak_force=_scaled(abs(by)))
-
-
-def _pushed_back(episode: Episode, _: Collection[str]) -> Episode:
-    return contacts(episode, force=_scaled(-1), normal=_scaled(-1))
-
-
-def _turned_forces(episode: Episode, _: Collection[str]) -> Episode:
-    turn = np.array(Z_UP)
-    return contacts(
-        episode,
-        force=lambda v: rotate(turn, v.astype(float)),
-        normal=lambda v: rotate(turn, v.astype(float)),
-    )
-
-
-def _points(by: float) -> Mend:
-    return lambda episode, _: contacts(episode, position=_scaled(by))
 
 
 def _points_from_body(episode: Episode, names: Collection[str]) -> Episode:
@@ -258,113 +206,108 @@ def _clock(by: float) -> Mend:
 
     def mend(episode: Episode, _: Collection[str]) -> Episode:
         spacing = by * float(np.median(np.diff(episode.t)))
-        return replace(episode, t=episode.t * by) if 1e-4 <= spacing <= RATE else episode
+        if not 1e-4 <= spacing <= RATE:
+            return episode
+        header = episode.header.model_copy(update={"frame_dt": spacing})
+        return replace(episode, header=header, t=episode.t * by)
 
     return mend
 
 
-def _repairs() -> Iterator[Repair]:
+def _lengths() -> Iterator[Repair]:
+    """Units of length: of positions, of everything, of shapes, of contact points."""
     for by, unit in LENGTHS.items():
-        fix = f"multiply {{}} by {by:g} when writing"
-        for speeds in (False, True):
-            what = "positions and linear velocities" if speeds else "positions"
-            yield Repair(
-                "AUD101", f"{what} are in {unit}", fix.format(what), "bodies.position",
-                MOTION | PLACES | WEIGHTS, _lengths(by, speeds=speeds),
-            )  # fmt: skip
+        scaled = _scaled(by)
+        for what, mend in (
+            ("positions", _tracks(position=scaled)),
+            ("positions and linear velocities", _tracks(position=scaled, linear_velocity=scaled)),
+        ):
+            fix = f"multiply {what} by {by:g} when writing"
+            yield Repair("AUD101", f"{what} are in {unit}", fix, "bodies.position",
+                         MOTION | PLACES | WEIGHTS, mend)  # fmt: skip
     for by, unit in LENGTHS.items():
         for gravity, of in ((1.0, ""), (by, ", gravity's among them")):
-            yield Repair(
-                "AUD101", f"all lengths are in {unit}{of}",
-                f"multiply all lengths by {by:g} when writing: places, linear velocities, shapes, "
-                "contact points and depths", "bodies.position",
-                MOTION | PLACES | WEIGHTS | {"AUD117", "AUD122", "AUD131", "AUD133", "AUD134"},
-                _everything(by, gravity), whole=True,
-            )  # fmt: skip
-    order = "write quaternions as w, x, y, z"
-    yield Repair(
-        "AUD111", "quaternions are stored as x, y, z, w",
-        f"{order} (isaaclab ≥ 3.0, scipy and ROS give x, y, z, w)", "bodies.orientation",
-        MOTION | PLACES, _quaternions(lambda q: np.roll(q, 1, axis=1)),
-    )  # fmt: skip
-    yield Repair(
-        "AUD111", "quaternions turn the world into the body's frame, not the body into the world",
-        "conjugate the quaternions: they map body coordinates to world coordinates",
-        "bodies.orientation", MOTION | PLACES, _quaternions(lambda q: conjugate(q.astype(float))),
-    )  # fmt: skip
-    up = "turn everything by +90° about x when writing: (x, y, z) becomes (x, -z, y)"
-    everything = MOTION | PLACES | WEIGHTS
-    for mend, what in (
-        (_turned(touches=True), "the y axis points up, of everything"),
-        (_turned(touches=False), "the y axis points up, of the bodies' motion"),
-        (_turned_places, "the y axis points up, of positions and linear velocities"),
+            fix = f"multiply all lengths by {by:g} when writing: places, linear velocities, shapes, contact points and depths"
+            yield Repair("AUD101", f"all lengths are in {unit}{of}", fix, "bodies.position",
+                         MOTION | PLACES | WEIGHTS | SHAPES | {"AUD117", "AUD122"},
+                         _everything(by, gravity), whole=True)  # fmt: skip
+
+
+def _orientations() -> Iterator[Repair]:
+    """Orders of quaternions, and worlds in which y points up."""
+    yield Repair("AUD111", "quaternions are stored as x, y, z, w",
+                 "write quaternions as w, x, y, z (isaaclab ≥ 3.0, scipy and ROS give x, y, z, w)",
+                 "bodies.orientation", MOTION | PLACES,
+                 _tracks(orientation=lambda q: np.roll(q, 1, axis=1)))  # fmt: skip
+    yield Repair("AUD111", "quaternions turn the world into the body's frame, not the body into the world",
+                 "conjugate the quaternions: they map body coordinates to world coordinates",
+                 "bodies.orientation", MOTION | PLACES,
+                 _tracks(orientation=lambda q: conjugate(q.astype(float))))  # fmt: skip
+    fix = "turn everything by +90° about x when writing: (x, y, z) becomes (x, -z, y)"
+    places = {"position": _upright, "linear_velocity": _upright}
+    motion = _tracks(orientation=_upright_orientation, angular_velocity=_upright, **places)
+    touches = _touches(position=_upright, normal=_upright, force=_upright)
+    for whose, mend in (
+        ("everything", _all(motion, touches)),
+        ("the bodies' motion", motion),
+        ("positions and linear velocities", _tracks(**places)),
     ):
-        yield Repair("AUD113", what, up, "bodies.position", everything, mend, whole=True)
-    yield Repair(
-        "AUD113", "the y axis points up, of normals and forces", up, "contacts.force", WEIGHTS,
-        _turned_forces, whole=True,
-    )  # fmt: skip
+        yield Repair("AUD113", f"the y axis points up, of {whose}", fix, "bodies.position",
+                     MOTION | PLACES | WEIGHTS, mend, whole=True)  # fmt: skip
+    yield Repair("AUD113", "the y axis points up, of normals and forces", fix, "contacts.force",
+                 WEIGHTS, _touches(force=_upright, normal=_upright), whole=True)  # fmt: skip
+
+
+def _velocities() -> Iterator[Repair]:
+    """Axes, units and signs of velocities."""
     world = "write velocities in the world's axes: rotate them by the body's orientation"
-    for changed in (("linear_velocity", "angular_velocity"), ("angular_velocity",),
-                    ("linear_velocity",)):  # fmt: skip
+    both = "linear_velocity", "angular_velocity"
+    for changed in (both, both[1:], both[:1]):
         names = " and ".join(c.replace("_", " ") for c in changed)
-        yield Repair(
-            "AUD115", f"{names} are in the body's own axes", world, f"bodies.{changed[0]}", MOTION,
-            _from_body(*changed),
-        )  # fmt: skip
-    for column, units in (("linear_velocity", SPEEDS), ("angular_velocity", TURNS)):
+        yield Repair("AUD115", f"{names} are in the body's own axes", world, f"bodies.{changed[0]}",
+                     MOTION, _from_body(*changed))  # fmt: skip
+    for column, units in zip(both, (SPEEDS, TURNS), strict=True):
+        name, field = column.replace("_", " "), f"bodies.{column}"
         for by, unit in units.items():
-            yield Repair(
-                "AUD115", f"{column.replace('_', ' ')} is in {unit}",
-                f"multiply {column} by {by:.6g} when writing", f"bodies.{column}", MOTION,
-                _speeds(column, by),
-            )  # fmt: skip
-        yield Repair(
-            "AUD115", f"{column.replace('_', ' ')} has the opposite sign", f"negate {column}",
-            f"bodies.{column}", MOTION, _speeds(column, -1.0),
-        )  # fmt: skip
-    yield Repair(
-        "AUD115", "linear and angular velocity are exchanged", "exchange the two columns",
-        "bodies.linear_velocity", MOTION, _exchanged,
-    )  # fmt: skip
+            yield Repair("AUD115", f"{name} is in {unit}", f"multiply {column} by {by:.6g} when writing",
+                         field, MOTION, _tracks(**{column: _scaled(by)}))  # fmt: skip
+        yield Repair("AUD115", f"{name} has the opposite sign", f"negate {column}", field, MOTION,
+                     _tracks(**{column: _scaled(-1.0)}))  # fmt: skip
+    yield Repair("AUD115", "linear and angular velocity are exchanged", "exchange the two columns",
+                 "bodies.linear_velocity", MOTION, _exchanged)  # fmt: skip
+
+
+def _bodies_and_contacts() -> Iterator[Repair]:
+    """Units of shapes, masses, forces and contact points; sides and frames of contacts."""
     for by, unit in LENGTHS.items():
-        yield Repair(
-            "AUD131", f"its shapes are in {unit}", f"multiply sizes and places of geoms by {by:g}",
-            "bodies.geoms", PLACES | {"AUD131", "AUD133", "AUD134"}, _shapes(by),
-        )  # fmt: skip
+        mend = _bodies(lambda b, by=by: {"geoms": tuple(geom.scaled(by) for geom in b.geoms)})  # type: ignore[misc]
+        yield Repair("AUD131", f"its shapes are in {unit}", f"multiply sizes and places of geoms by {by:g}",
+                     "bodies.geoms", PLACES | SHAPES, mend)  # fmt: skip
     for by, unit in MASSES.items():
-        yield Repair(
-            "AUD132", f"its mass is in {unit}", f"multiply the mass by {by:g}", "bodies.mass",
-            WEIGHTS | {"AUD131", "AUD133"}, _masses(by),
-        )  # fmt: skip
-    for by, unit in FORCES.items():
-        yield Repair(
-            "AUD123", f"forces are in {unit}", f"multiply forces by {by:g} when writing",
-            "contacts.force", WEIGHTS, _forces(by), whole=True,
-        )  # fmt: skip
-    yield Repair(
-        "AUD123", "forces and normals are those on body 1 by body 2", "negate force and normal",
-        "contacts.force", WEIGHTS, _pushed_back, whole=True,
-    )  # fmt: skip
-    yield Repair(
-        "AUD123", "forces are those on body 1 by body 2", "negate force", "contacts.force", WEIGHTS,
-        _forces(-1.0), whole=True,
-    )  # fmt: skip
+        mend = _bodies(lambda b, by=by: {"mass": None if b.mass is None else by * b.mass})  # type: ignore[misc]
+        yield Repair("AUD132", f"its mass is in {unit}", f"multiply the mass by {by:g}", "bodies.mass",
+                     WEIGHTS | {"AUD131", "AUD133"}, mend)  # fmt: skip
+    back = _scaled(-1.0)
+    for cause, fix, mend in (
+        *((f"forces are in {unit}", f"multiply forces by {by:g} when writing",
+           _touches(force=_scaled(by), peak_force=_scaled(by))) for by, unit in FORCES.items()),
+        ("forces and normals are those on body 1 by body 2", "negate force and normal",
+         _touches(force=back, normal=back)),
+        ("forces are those on body 1 by body 2", "negate force", _touches(force=back)),
+    ):  # fmt: skip
+        yield Repair("AUD123", cause, fix, "contacts.force", WEIGHTS, mend, whole=True)
     for by, unit in LENGTHS.items():
-        yield Repair(
-            "AUD121", f"contact points are in {unit}", f"multiply contact points by {by:g}",
-            "contacts.position", frozenset({"AUD121"}), _points(by), whole=True,
-        )  # fmt: skip
-    yield Repair(
-        "AUD121", "contact points are in the frame of the body", "write contact points in the world",
-        "contacts.position", frozenset({"AUD121"}), _points_from_body,
-    )  # fmt: skip
-    for by, unit in ((60.0, "minutes"), (1e3, "kiloseconds"), (0.1, "tenths of a second"),
-                     (1e-3, "milliseconds")):  # fmt: skip
-        yield Repair(
-            "AUD118", f"time stamps are in {unit}", f"multiply time stamps by {by:g}", "t", MOTION,
-            _clock(by), whole=True,
-        )  # fmt: skip
+        yield Repair("AUD121", f"contact points are in {unit}", f"multiply contact points by {by:g}",
+                     "contacts.position", POINTS, _touches(position=_scaled(by)), whole=True)  # fmt: skip
+    yield Repair("AUD121", "contact points are in the frame of the body",
+                 "write contact points in the world", "contacts.position", POINTS,
+                 _points_from_body)  # fmt: skip
 
 
-REPAIRS = tuple(_repairs())
+def _clocks() -> Iterator[Repair]:
+    for by, unit in TIMES.items():
+        yield Repair("AUD118", f"time stamps are in {unit}", f"multiply time stamps by {by:g}", "t",
+                     MOTION, _clock(by), whole=True)  # fmt: skip
+
+
+REPAIRS = (*_lengths(), *_orientations(), *_velocities(), *_bodies_and_contacts(), *_clocks())

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, ContactTable, Episode, Track
-from safestage_eval.episode.contacts import Pair
-from safestage_eval.episode.scene_shapes import PLANE, body_shapes
-from safestage_eval.geometry.pose import matrix
+from safestage_eval.episode import Body
+from safestage_eval.episode.scene_shapes import PLANE, body_shapes, world_boxes
+from safestage_eval.geometry.pose import matrix, rotate
 
 from .subject import Subject
 
 if TYPE_CHECKING:
     from safestage_eval.geometry.mover import Mover
-    from safestage_eval.relations.relations import Relations
 
 F64 = NDArray[np.float64]
 
@@ -37,13 +34,16 @@ class Start:
     Attributes:
         stop: the frame at which the robot first touches an object, or may (without contacts); at the
             latest that after ``LONGEST`` seconds.
+        header: of the episode.
+        begins: s, its first sample.
         moved: objects that nothing is jointed to, and that are jointed to nothing.
     """
 
     def __init__(self, subject: Subject) -> None:
         self.subject, self.episode = subject, subject.episode
         self._boxes: dict[tuple[str, int], tuple[F64, F64] | None] = {}
-        header, t = subject.header, self.episode.t
+        self.header = header = subject.header
+        t, self.begins = self.episode.t, float(self.episode.t[0])
         jointed = {body.parent for body in header.bodies} | {joint.body for joint in header.joints}
         self.moved = [
             b for b in subject.objects if b.parent is None and b.name not in jointed and b.geoms
@@ -56,7 +56,7 @@ class Start:
     def solid(self) -> list[Body]:
         """All bodies but regions, which are no matter."""
         known = self.episode.tracks
-        return [b for b in self.subject.header.bodies if b.kind != "region" and b.name in known]
+        return [b for b in self.header.bodies if b.kind != "region" and b.name in known]
 
     @property
     def blind(self) -> bool:
@@ -81,7 +81,7 @@ class Start:
     @cached_property
     def _touches_of_robot(self) -> dict[str, NDArray[np.int32]]:
         """Object → frames at which the robot touches it."""
-        bodies, touches = self.subject.header.bodies, dict[str, NDArray[np.int32]]()
+        bodies, touches = self.header.bodies, dict[str, NDArray[np.int32]]()
         for i, j in self.episode.contacts.pairs:
             for one, other in ((bodies[i], bodies[j]), (bodies[j], bodies[i])):
                 if one.kind in ROBOT and other.kind == "object" and other.movable:
@@ -101,6 +101,14 @@ class Start:
         """(stop, 3) m."""
         return self.episode.track(body).position[: self.stop].astype(float)
 
+    def up(self, body: Body, frame: int = 0) -> float | None:
+        """Cosine between the up axis of a body and the vertical; None without an up axis."""
+        if body.up_axis is None:
+            return None
+        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
+        turn = self.episode.track(body.name).orientation
+        return float(rotate(turn[min(frame, len(turn) - 1)].astype(float), axis)[2])
+
     def boxes(self, body: Body, frame: int = 0) -> tuple[F64, F64] | None:
         """(G, 3) and (G, 3) m, lower and upper corners of boxes around its geoms, in the world."""
         key = body.name, frame
@@ -115,10 +123,7 @@ class Start:
         track = self.episode.track(body.name)
         frame = min(frame, len(track) - 1)
         turn = matrix(track.orientation[frame].astype(float))
-        axes = np.abs(np.einsum("ij,gjk->gik", turn, shapes.axes))
-        reach = np.einsum("gij,gj->gi", axes, shapes.half)
-        centre = shapes.place @ turn.T + track.position[frame].astype(float)
-        return centre - reach, centre + reach
+        return world_boxes(shapes, turn, track.position[frame].astype(float))
 
     def overlaps(self, least: float, frame: int = 0) -> list[tuple[Body, Body]]:
         """Pairs of bodies whose geoms' boxes overlap by a depth (m) along every axis."""
@@ -197,75 +202,6 @@ class Start:
 
         track, shape = self.episode.track(body.name), BodyShape.build(body, self.episode.meshes)
         return Mover.build(shape, track.position, track.orientation).at(frames)
-
-    @cached_property
-    def relations(self) -> Relations:
-        """Relations and signals of the first seconds alone."""
-        from safestage_eval.evidence.measure import Signals
-        from safestage_eval.relations.relations import Relations
-
-        return Relations(Signals(first_frames(self.episode, self.frames_settled)))
-
-    @property
-    def frames_settled(self) -> int:
-        """How many frames estimate the initial state, settling included."""
-        t = self.episode.t
-        return max(6, int(np.searchsorted(t, t[0] + 1.2)))
-
-
-class _EarlyContacts(ContactTable):
-    """The contacts of the first frames, pair by pair as they are asked for."""
-
-    def __init__(self, table: ContactTable, count: int) -> None:
-        vars(self).update(_table=table, _count=count, _rows={})
-
-    def __getattr__(self, name: str) -> Any:
-        """Whole columns."""
-        if name.startswith("__"):
-            raise AttributeError(name)
-        table = vars(self)["_table"]
-        return getattr(table, name)[table.frame < vars(self)["_count"]]
-
-    @cached_property
-    def pairs(self) -> list[Pair]:
-        """The pairs that touch in the first frames."""
-        return [pair for pair in vars(self)["_table"].pairs if self._early(pair).any()]
-
-    def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """Columns of a pair in the first frames."""
-        early = self._early(pair)
-        return tuple(values[early] for values in vars(self)["_table"].of_pair(pair, *columns))
-
-    def _early(self, pair: Pair) -> NDArray[np.bool_]:
-        """Which rows of a pair are of the first frames."""
-        rows: dict[Pair, NDArray[np.bool_]] = vars(self)["_rows"]
-        if pair not in rows:
-            rows[pair] = vars(self)["_table"].of_pair(pair, "frame")[0] < vars(self)["_count"]
-        return rows[pair]
-
-
-def first_frames(episode: Episode, count: int) -> Episode:
-    """The first frames of an episode, without its end: whether it succeeded is not known."""
-    columns = [f.name for f in fields(Track)]
-    tracks = {
-        name: track if len(track) == 1 else Track(*(getattr(track, c)[:count] for c in columns))
-        for name, track in episode.tracks.items()
-    }
-    table, robot = episode.contacts, episode.frames
-    header = episode.header.model_copy(
-        update={"success": None, "success_time": None, "termination": None}
-    )
-    return replace(
-        episode,
-        header=header,
-        t=episode.t[:count],
-        tracks=tracks,
-        _contacts=_EarlyContacts(table, count),
-        _frames=replace(robot, **{f.name: getattr(robot, f.name)[:count] for f in fields(robot)}),
-        channels={key: values[:count] for key, values in episode.channels.items()},
-        states={},
-        path=None,
-    )
 
 
 def start_of(subject: Subject) -> Start | None:

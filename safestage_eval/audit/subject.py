@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +13,18 @@ from numpy.typing import NDArray
 from safestage_eval.doubts import contradictions
 from safestage_eval.episode import (
     Body,
+    ContactTable,
     Episode,
     Header,
+    RobotFrames,
     Track,
     check,
-    check_header,
-    check_time,
     with_holes,
 )
-from safestage_eval.episode.clock_invariants import check_clock
 from safestage_eval.episode.contradiction import ContradictionError
-from safestage_eval.errors import InputError, RuleError, TraceError
+from safestage_eval.episode.invariants import measured
+from safestage_eval.errors import RuleError, TraceError
+from safestage_eval.formats.lazy_columns import StoredItems
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import BY_ROLES
@@ -32,16 +34,15 @@ from .finding import Defect
 
 if TYPE_CHECKING:
     from safestage_eval.relations.relations import Relations
-    from safestage_eval.verdicts.judging import Judge
-    from safestage_eval.verdicts.verdict import Verdict
 
 
 class Subject:
     """One episode under audit.
 
     Attributes:
-        episode: as it is stored: nothing of it is checked, and columns are read when they are
+        given: as it is stored: nothing of it is checked, and columns are read when they are
             asked for.
+        episode: the same, with NaN for what is infinite.
         rules: all that are loaded.
         bind: the bind file that was given, if any.
         notes: what checks of one file leave for each other.
@@ -51,7 +52,8 @@ class Subject:
     whole = True
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
-        self.episode = episode if bind is None else bind.described(episode)
+        self.given = episode if bind is None else bind.described(episode)
+        self.episode = _measured(self.given)
         self.rules, self.bind = rules, bind
         self.notes: dict[str, Any] = {}
 
@@ -60,11 +62,10 @@ class Subject:
 
         Nothing can be asked of it any more.
         """
-        for whole in (self, self.notes.get("start")):
-            relations = None if whole is None else vars(whole).get("relations")
-            if relations is not None:
-                for part in (relations.signals.gaps, relations.signals, relations):
-                    vars(part).clear()
+        relations = vars(self).get("relations")
+        if relations is not None:
+            for part in (relations.signals.gaps, relations.signals, relations):
+                vars(part).clear()
         self.notes.clear()
 
     @property
@@ -87,36 +88,13 @@ class Subject:
 
     @cached_property
     def broken(self) -> list[TraceError]:
-        """Format errors, and contradictions between header and time stamps; see ``episode.check``."""
+        """Format errors; see ``episode.check``."""
         return check(self.episode)
 
-    @cached_property
-    def _header_errors(self) -> list[ContradictionError]:
-        """Contradictions in header and time stamps; no other data are read for them."""
-        header, t, where = self.header, self.episode.t, self.header.episode_id
-        errors: list[TraceError] = [
-            *check_header(header, where, shapes=False), *check_time(t, where),
-            *check_clock(header, t, where),
-        ]  # fmt: skip
-        return [error for error in errors if isinstance(error, ContradictionError)]
-
-    def of_code(self, code: str) -> list[ContradictionError]:
-        """Those of header and time stamps that a check reports."""
-        return [error for error in self._header_errors if error.code == code]
-
-    @cached_property
+    @property
     def readable(self) -> bool:
         """The format holds, so that columns may be compared."""
-        return not self.format_errors
-
-    @property
-    def format_errors(self) -> list[TraceError]:
-        """Format errors; of header and time stamps only that time goes back."""
-        return [
-            error
-            for error in self.broken
-            if not isinstance(error, ContradictionError) or error.code == "AUD100"
-        ]
+        return not self.broken
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -203,32 +181,25 @@ class Subject:
         episode = with_holes(self.episode)
         return Relations(Signals(episode, baseline_frames(self.rules, episode)))
 
-    @cached_property
-    def judge(self) -> Judge | None:
-        """Judge of the episode; None for a broken recording or misspelt names."""
-        from safestage_eval.verdicts.judging import Judge
 
-        binding = self.binding
-        if binding is None or not self.sound or not len(self.episode):
-            return None
-        try:
-            return Judge(self.episode, self.rules, binding, self.relations)
-        except InputError:  # a name in its goal or rules that it does not bear
-            return None
+T = TypeVar("T", Track, ContactTable, RobotFrames)
 
-    def verdict(self, rule: ast.Scoped) -> Verdict | None:
-        """Verdict of a rule or cost, in outline where decided (``Judge.outline``).
 
-        None for a broken recording and for a cost without a budget.
-        """
-        if self.judge is None:
-            return None
-        try:
-            return (
-                self.judge.verdict(rule) if isinstance(rule, ast.Rule) else self.judge.cost(rule)[1]
-            )
-        except InputError:
-            return None
+def _measured(episode: Episode) -> Episode:
+    """The episode with NaN for what is infinite: neither was measured."""
+
+    def clean(table: T, kind: type[T]) -> T:
+        given = {column.name: getattr(table, column.name) for column in fields(kind)}
+        found = {name: measured(values) for name, values in given.items()}
+        same = all(found[name] is values for name, values in given.items())
+        return table if same else kind(**found)
+
+    return replace(
+        episode,
+        tracks=StoredItems(episode.tracks, lambda name: clean(episode.tracks[name], Track)),
+        _contacts=lambda: clean(episode.contacts, ContactTable),
+        _frames=lambda: clean(episode.frames, RobotFrames),
+    )
 
 
 def defect_of(errors: list[ContradictionError]) -> Defect:
@@ -241,5 +212,6 @@ def defect_of(errors: list[ContradictionError]) -> Defect:
         f"{first.what.rstrip('.')}.{expected}{more}",
         first.fix or f"write {first.allowed}",
         bodies=names,
+        field=first.field,
         time=first.time,
     )

@@ -53,7 +53,7 @@ def command(
     """Say whether recordings, their scenes and the evaluation they make are sound.
 
     Finds centimetres for metres, milliseconds for seconds, holes, quaternions in another order,
-    misspelt roles, rules that do not exist or cannot be decided, scenes that start broken, and
+    misspelt roles, rules that do not exist, scenes that start broken, and
     evaluations that prove nothing. Each finding has a code, a place, a likely cause and a fix;
     docs/audit.md lists them all.
 
@@ -66,7 +66,7 @@ def command(
       safestage audit --explain AUD104
       safestage audit --files traces/ rollout.mcap
 
-    --files reads every column: format, finite numbers, unit quaternions, increasing time, contacts
+    --files reads every column: format, unit quaternions, increasing time, contacts
     that name bodies, stored hashes, ids that two episodes share. Use it after copying.
 
     Exit code 0: audited. 1: --fail-on matched. 2: bad usage, a rule file or a trace that cannot be

@@ -4,7 +4,7 @@ A check is one function under ``@check`` in a file ``*_doubts.py``; scoring runs
 its rules read (``columns.AtHand``), the audit all of them.
 """
 
-from .columns import AtHand, Columns, Whole
-from .find_doubts import contradictions
+from .columns import AtHand, Columns
+from .find_doubts import contradictions, header_contradictions
 
-__all__ = ["AtHand", "Columns", "Whole", "contradictions"]
+__all__ = ["AtHand", "Columns", "contradictions", "header_contradictions"]

@@ -12,6 +12,9 @@ from safestage_eval.episode.scene_shapes import volume
 from .check_registry import check
 from .columns import Columns
 
+CODES = ("AUD131", "AUD133", "AUD134")
+"""Of the checks below, which look at each scene once."""
+
 DENSITY = (1.0, 50_000.0)
 """kg/m³; foam has 15, osmium 22,600, and shapes are rough."""
 

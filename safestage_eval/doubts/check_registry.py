@@ -16,10 +16,16 @@ Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 """The gravest first."""
 
+Over = Literal["header", "columns", "episode", "scene", "campaign"]
+
 Of = Literal["recording", "scene", "evaluation"]
 
-CODES: dict[Of, str] = {"recording": "AUD1", "scene": "AUD2", "evaluation": "AUD3"}
-"""Subject of a check → prefix of its code."""
+KINDS: dict[str, tuple[Of, Over]] = {
+    "AUD1": ("recording", "episode"),
+    "AUD2": ("scene", "scene"),
+    "AUD3": ("evaluation", "campaign"),
+}
+"""How codes begin → what such checks are about, and what their functions usually take."""
 
 Run = Callable[[Any], Iterator[Any]]
 
@@ -35,9 +41,11 @@ class Check:
         why: what it does to verdicts, in a sentence or two.
         example: a recording that has it.
         issue: where it went wrong in public: ``lerobot#4465``; None if we know of none.
-        over: ``columns``: the function takes ``Columns`` and yields contradictions, which make columns
-            unknown where an episode is scored; ``episode``: it takes the audit's ``Subject``, in a
-            worker process; ``campaign``: it takes a ``Campaign``, the summaries of all episodes.
+        over: what the function takes. ``header``: an ``Episode``, of which it reads header and time
+            stamps alone; ``columns``: ``Columns``. Both yield contradictions, which scoring leaves
+            unknown or refuses (``ContradictionError.hides``). The others yield defects for the audit.
+            ``episode``: a ``Subject``; ``scene``: a ``Start``, of sound recordings; ``campaign``: a
+            ``Campaign``, the summaries of all episodes.
         unless: codes of checks of the same episode that explain the defect better: nothing is
             reported about bodies of which one of them reported something, or about any if it
             reported something of the whole recording.
@@ -52,7 +60,7 @@ class Check:
     why: str
     example: str
     issue: str | None
-    over: Literal["columns", "episode", "campaign"]
+    over: Over
     unless: tuple[str, ...]
     cheap: bool
     run: Run
@@ -61,7 +69,7 @@ class Check:
     @property
     def of(self) -> Of:
         """What it is about."""
-        return next(of for of, prefix in CODES.items() if self.code.startswith(prefix))
+        return KINDS[self.code[:4]][0]
 
     @property
     def how(self) -> str:
@@ -83,19 +91,19 @@ def check(
     why: str,
     example: str,
     issue: str | None = None,
-    over: Literal["columns", "episode", "campaign"] | None = None,
+    over: Over | None = None,
     unless: tuple[str, ...] = (),
     cheap: bool = False,
 ) -> Callable[[Declared], Declared]:
     """Declare a check by the generator below; arguments as in ``Check``.
 
-    ``over``: by default ``campaign`` of an evaluation, and ``episode`` of anything else.
+    ``over``: by default as in ``KINDS``.
 
     Raises ValueError for a taken code, and one that does not begin as those of a kind do.
     """
     if code in CHECKS or not re.fullmatch(r"AUD[123]\d\d", code):
         raise ValueError(f"{code} is taken, or no code of a check")
-    where = over or ("campaign" if code.startswith(CODES["evaluation"]) else "episode")
+    where = over or KINDS[code[:4]][1]
 
     def declare(run: Declared) -> Declared:
         CHECKS[code] = Check(code, severity, title, why, example, issue, where, unless, cheap, run)

@@ -59,7 +59,7 @@ class Motions(NamedTuple):
             rounding: m (rad) by which the two may differ in a window besides.
         """
         pose, speed, apart = map(
-            _lengths, (self.by_pose, self.by_velocity, self.by_pose - self.by_velocity)
+            lengths, (self.by_pose, self.by_velocity, self.by_pose - self.by_velocity)
         )
         apart = np.maximum(apart - rounding, 0)
         apart = np.where(speed > pose, np.maximum(apart - shake * self.lasted, 0), apart)
@@ -87,7 +87,7 @@ def compare_motion(
     half = (0.5 * step).astype(np.float32)[:, None]
     said = (rate[1:] + rate[:-1]) * half
     went = pose[1:] - pose[:-1] if pose.shape[1] == 3 else turns(pose)
-    off = _lengths(went - said)
+    off = lengths(went - said)
     whole &= np.isfinite(off)
     ends = np.flatnonzero(whole)
     if not len(ends):
@@ -106,19 +106,6 @@ def compare_motion(
     return Motions(ends + 1, step, off, by_pose, by_velocity, np.add.reduceat(step, starts))
 
 
-def longest_step(
-    t: F64, position: F32, unseen: Bool | None, longest: float, fastest: float
-) -> tuple[float, int]:
-    """By how much (m) a step is longer than at ``fastest`` m/s, and the frame behind it; -1: none is."""
-    step = np.diff(t)
-    over = _lengths(np.diff(position, axis=0)) - fastest * step
-    over[(step > longest) | np.isnan(over)] = -np.inf
-    if unseen is not None:
-        over[unseen[1:] | unseen[:-1]] = -np.inf
-    worst = int(over.argmax())
-    return (float(over[worst]), worst + 1) if over[worst] > 0 else (0.0, -1)
-
-
 def turns(orientation: F32) -> Any:
     """(T - 1, 3) rotation vectors (rad, world) from each quaternion to the next, the shorter way round."""
     q = np.ascontiguousarray(orientation.T, np.float64)
@@ -132,7 +119,7 @@ def turns(orientation: F32) -> Any:
         ],
         1,
     )
-    size = _lengths(axis)
+    size = lengths(axis)
     angle = 2 * np.arctan2(size, np.abs(w))
     return axis * (np.copysign(angle, w) / np.maximum(size, 1e-300))[:, None]
 
@@ -156,20 +143,22 @@ def surface_distances(
     across = _cross(v, away)
     local = away - 2 * w * across + 2 * _cross(v, across)  # into the body frame
     least = np.full(len(point), np.inf)
-    for kind, size, place, axes in zip(*shapes[:4], strict=True):
-        least = np.minimum(least, _surface(int(kind), size, (local - place) @ axes))
+    for kind in {*shapes.kind.tolist()}:
+        some = shapes.kind == kind
+        inside = np.einsum("gni,gij->gnj", local - shapes.place[some, None], shapes.axes[some])
+        least = np.minimum(least, _surface(kind, shapes.size[some, None], inside).min(axis=0))
     return np.where(np.isfinite(local).all(axis=1), least, np.nan)
 
 
 def _surface(kind: int, size: F64, point: F64) -> Any:
-    """(N,) distance (m) of points (N, 3) from the surface of a shape; of a mesh, from the box around it.
+    """(G, N) distance (m) of points (G, N, 3) from the surface of shapes; of a mesh, from the box around it.
 
     Of an ellipsoid an estimate, right to a few percent near it.
     """
-    x, y, z = point.T
-    a, b, _ = size
+    x, y, z = np.moveaxis(point, -1, 0)
+    a, b, _ = np.moveaxis(size, -1, 0)
     if kind == SPHERE:
-        return np.abs(_lengths(point) - a)
+        return np.abs(lengths(point) - a)
     if kind == PLANE:
         return np.abs(z)
     if kind == CAPSULE:
@@ -178,82 +167,12 @@ def _surface(kind: int, size: F64, point: F64) -> Any:
     if kind in (BOX, MESH):
         beyond = np.abs(point) - size
     elif kind == CYLINDER:
-        beyond = np.stack([np.hypot(x, y) - a, np.abs(z) - b], 1)
+        beyond = np.stack([np.hypot(x, y) - a, np.abs(z) - b], -1)
     else:
-        k0, k1 = _lengths(point / size), _lengths(point / size**2)
-        return np.where(k1 > 0, np.abs(k0 * (k0 - 1) / np.maximum(k1, 1e-300)), size.min())
-    outside = _lengths(np.maximum(beyond, 0))
-    return outside if kind == MESH else np.where(outside > 0, outside, -beyond.max(axis=1))
-
-
-def distances(first: F32, second: F32) -> Any:
-    """(T,) m between the origins of two bodies; one row of a fixed one will do."""
-    return _lengths(first.astype(np.float64) - second)
-
-
-def add_forces(frame: I32, force: F32, sign: float, every: int, sums: F64) -> None:
-    """Add the forces (N, 3) of contacts to the ``sums`` (T, 4): x, y, z, and how strong they are.
-
-    Only frames whose number is a multiple of ``every`` are added.
-    """
-    if every > 1:
-        some = frame % every == 0
-        frame, force = frame[some], force[some]
-    strong = _lengths(force.astype(np.float64))
-    for column, values in enumerate((*(sign * force.T), strong)):
-        sums[:, column] += np.bincount(frame, values, len(sums))
-
-
-def while_at_rest(
-    position: F32, sums: F64, around: F64, reach: int, still: float, every: int,
-    least: float, most: float, aside: float,
-) -> tuple[Bool, Bool, Bool, NDArray[np.intp]]:  # fmt: skip
-    """Where forces cannot be those on a body that does not move for a while.
-
-    Args:
-        position: (T, 3) m.
-        sums: (T, 4) N, as ``add_forces``; NaN where they are not known.
-        around: (T, 4) N, means over a while, which must be wrong as well; or ``sums``.
-        reach: frames before and after a moment of rest.
-        still: m; further apart is no rest.
-        every: as in ``add_forces``.
-        least: N; weaker forces, added up, do not bear it; nor do such that pull it down.
-        most: N; it would rise under a greater one.
-        aside: N; it would slide under a greater one, unless half as much presses it up.
-
-    Returns:
-        Of the frames (K,) of rest looked at, which come last: too weak, too strong, askew.
-    """
-    at = np.arange(-(-reach // every) * every, len(position) - reach, every)
-    here = position[at]
-    there = (np.abs(position[at - reach] - here) < still) & (
-        np.abs(position[at + reach] - here) < still
-    )
-    at = at[there.all(axis=1)]
-    found = np.ones((3, len(at)), np.bool_)
-    for known in (sums,) if around is sums else (sums, around):
-        x, y, up, strong = known[at].T
-        side = np.hypot(x, y)
-        found &= (strong < least) | (up < -least), up > most, (side > aside) & (up < 0.5 * aside)
-    return found[0], found[1], found[2], at
-
-
-def while_untouched(position: F32, touched: Bool, reach: int, least: float) -> NDArray[np.intp]:
-    """Frames at which a body does not fall though nothing touches it.
-
-    Args:
-        position: (T, 3) m.
-        touched: (T,) something may touch it.
-        reach: frames before and after a moment.
-        least: m that it falls at the least, from the line between its places then, in free fall.
-    """
-    if touched.all() or len(position) <= 2 * reach:
-        return np.zeros(0, np.intp)
-    before = np.concatenate([[0], np.cumsum(touched)])
-    free = before[2 * reach + 1 :] == before[: -2 * reach - 1]
-    at = np.flatnonzero(free) + reach
-    z = position[:, 2].astype(np.float64)
-    return at[z[at] - 0.5 * (z[at - reach] + z[at + reach]) < least]
+        k0, k1 = lengths(point / size), lengths(point / size**2)
+        return np.where(k1 > 0, np.abs(k0 * (k0 - 1) / np.maximum(k1, 1e-300)), size.min(axis=-1))
+    outside = lengths(np.maximum(beyond, 0))
+    return outside if kind == MESH else np.where(outside > 0, outside, -beyond.max(axis=-1))
 
 
 def _cross(a: F64, b: F64) -> F64:
@@ -263,6 +182,6 @@ def _cross(a: F64, b: F64) -> F64:
     return product
 
 
-def _lengths(vectors: Floats) -> Any:
-    """(N,) of vectors (N, 3 or so)."""
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+def lengths(vectors: Floats) -> Any:
+    """(…) of vectors (…, 3 or so)."""
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))

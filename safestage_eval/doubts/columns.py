@@ -6,20 +6,21 @@ poses and shapes, forces with weights. What nobody could see is not: all lengths
 together with gravity.
 
 Nothing is read for it. ``AtHand`` gives the columns that were read for a verdict, so that what a
-verdict rests on is checked at hardly any cost; ``Whole`` gives everything (``safestage audit``).
+verdict rests on is checked at hardly any cost, or everything (``safestage audit``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from operator import is_
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Mesh, RobotFrames
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.episode.invariants import measured
 from safestage_eval.episode.rounding import Rounding, rounding_of
 from safestage_eval.episode.scene_shapes import BodyShapes, body_shapes
 
@@ -29,63 +30,41 @@ CONTACTS = ("frame", "position", "normal", "force", "force.z", "peak_force", "de
 """Columns of contacts that are looked at."""
 
 
-class AtHand(Protocol):
-    """Columns that may be looked at."""
+class AtHand:
+    """Columns that may be looked at: all of an episode; other classes have less at hand."""
+
+    def __init__(self, episode: Episode) -> None:
+        self._episode = episode
 
     def matters(self, body: str) -> bool:
         """Whether contacts and forces of a body are to be looked at."""
+        return body in self._episode.tracks
 
     def some(self, body: str) -> bool:
         """Whether any column of a body's track is at hand."""
+        return body in self._episode.tracks
 
     def track(self, body: str, column: str) -> Array | None:
         """A column as in ``Track``; None where it is not at hand.
 
         The place of a fixture is one row, and may be read; that of a free body where it matters.
         """
+        found: Array = getattr(self._episode.tracks[body], column)
+        return found
 
-    def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:
+    def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:  # noqa: ARG002
         """Columns of the contacts of a pair, as ``ContactTable.of_pair``, by name.
 
         ``read``: columns that are to be read if they are not at hand.
         """
-
-    def frames(self) -> RobotFrames | None:
-        """Joints and gripper; None where they are not at hand."""
-
-    def meshes(self) -> Mapping[str, Mesh]:
-        """Those at hand."""
-
-
-class Whole:
-    """Everything is at hand."""
-
-    def __init__(self, episode: Episode) -> None:
-        self._episode = episode
-
-    def matters(self, body: str) -> bool:
-        """See ``AtHand``."""
-        return body in self._episode.tracks
-
-    def some(self, body: str) -> bool:
-        """See ``AtHand``."""
-        return body in self._episode.tracks
-
-    def track(self, body: str, column: str) -> Array | None:
-        """See ``AtHand``."""
-        found: Array = getattr(self._episode.tracks[body], column)
-        return found
-
-    def contacts(self, pair: Pair, *_: str) -> Mapping[str, Array]:
-        """See ``AtHand``."""
         return dict(zip(CONTACTS, self._episode.contacts.of_pair(pair, *CONTACTS), strict=True))
 
     def frames(self) -> RobotFrames | None:
-        """See ``AtHand``."""
+        """Joints and gripper; None where they are not at hand."""
         return self._episode.frames
 
     def meshes(self) -> Mapping[str, Mesh]:
-        """See ``AtHand``."""
+        """Those at hand."""
         return self._episode.meshes
 
 
@@ -107,13 +86,15 @@ class Columns:
     def __init__(self, episode: Episode, at_hand: AtHand | None = None) -> None:
         """``at_hand``: what may be read, None: all."""
         self.episode, self.header, self.t = episode, episode.header, episode.t
-        self.at_hand = Whole(episode) if at_hand is None else at_hand
+        self.at_hand = AtHand(episode) if at_hand is None else at_hand
         self.found: dict[Any, Any] = {}
         self._meshes = self.at_hand.meshes()
         self._roundings: dict[str, Rounding] = {}
         matters = [self.at_hand.matters(body.name) for body in episode.header.bodies]
         self.pairs = {
-            (i, j): self.at_hand.contacts((i, j))
+            (i, j): {
+                name: measured(values) for name, values in self.at_hand.contacts((i, j)).items()
+            }
             for i, j in episode.contacts.pairs
             if matters[i] or matters[j]
         }
@@ -121,8 +102,9 @@ class Columns:
         self._seen = frozenset(body.name for body in self.some)
 
     def track(self, body: Body, column: str) -> Array | None:
-        """See ``AtHand``."""
-        return self.at_hand.track(body.name, column)
+        """See ``AtHand``; with NaN for what is infinite."""
+        found = self.at_hand.track(body.name, column)
+        return None if found is None else measured(found)
 
     def rounding(self, column: str) -> Rounding:
         """That of a column of contacts, as far as it is at hand."""

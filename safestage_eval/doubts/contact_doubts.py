@@ -14,7 +14,7 @@ from safestage_eval.episode.rounding import most_off
 from safestage_eval.episode.scene_shapes import BodyShapes
 
 from .check_registry import check
-from .column_comparisons import distances, surface_distances
+from .column_comparisons import lengths, surface_distances
 from .columns import Columns
 
 F32 = NDArray[np.float32]
@@ -57,7 +57,7 @@ def contact_places(columns: Columns) -> Iterator[ContradictionError]:
     """Asks for contact points within 3 cm of the surfaces of both bodies, and for bodies that meet."""
     for pair, told in columns.pairs.items():
         frame, point = told.get("frame"), told.get("position")
-        there = []
+        there, compared = [], 0
         for body in sorted((columns.header.bodies[i] for i in pair), key=lambda b: not b.movable):
             shapes, place = columns.shapes(body), columns.track(body, "position")
             if shapes is None or place is None:
@@ -66,7 +66,8 @@ def contact_places(columns: Columns) -> Iterator[ContradictionError]:
             there.append(one)
             if frame is not None and point is not None and one.turn is not None:
                 yield from _points(columns, pair, frame, point, one)
-        if len(there) == 2:
+                compared += 1
+        if len(there) == 2 > compared:
             yield from _apart(columns, pair, frame, *sorted(there, key=lambda x: x.shapes.radius))
 
 
@@ -121,10 +122,12 @@ def _apart(
     else:
         reach += large.shapes.radius
         if some is None:  # it is only known that there are contacts
-            far = _least(distances(small.place, large.place))
+            apart = lengths(small.place.astype(np.float64) - large.place)
+            far = float(np.nanmin(apart)) if np.isfinite(apart).any() else -np.inf
         else:
             places = (p[some] if len(p) > 1 else p for p in (small.place, large.place))
-            far, at = _most(distances(*places))
+            first, second = places
+            far, at = _most(lengths(first.astype(np.float64) - second))
     if not far > reach + APART:
         return
     turned = large.turn if to_surface else None
@@ -159,11 +162,6 @@ def _most(values: F64) -> tuple[float, int]:
     known = np.where(np.isnan(values), -np.inf, values)
     at = int(known.argmax())
     return float(known[at]), at
-
-
-def _least(values: F64) -> float:
-    """The least of the known values; −inf where none is known."""
-    return -_most(-values)[0] if np.isfinite(values).any() else -np.inf
 
 
 def _place_off(position: F32, orientation: F32 | None, reach: float) -> float:

@@ -39,6 +39,7 @@ WORDS: dict[Column, str] = {
     "inertia": "inertia",
     "cavity": "cavity",
     "tcp": "tool centre point",
+    "success": "success",
 }
 """Column → how it is called."""
 
@@ -85,9 +86,14 @@ def hide_doubtful(episode: Episode, found: Iterable[ContradictionError]) -> Epis
             joint_velocity=_without(own.joint_velocity, off),
         )
 
+    ending: dict[str, object] = {}
+    if any("success" in one.hides for one in errors):
+        ending = {"success": None, "success_time": None}
+        if episode.header.termination == "success":
+            ending["termination"] = None
     return replace(
         episode,
-        header=episode.header.model_copy(update={"bodies": bodies()}),
+        header=episode.header.model_copy(update={"bodies": bodies(), **ending}),
         tracks=ChainMap(tracks(), episode.tracks),  # type: ignore[arg-type] # nothing is written
         _contacts=lambda: _contacts(episode, errors),
         _frames=frames,

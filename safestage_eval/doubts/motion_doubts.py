@@ -13,7 +13,7 @@ from safestage_eval.episode.contradiction import POSES, Column, ContradictionErr
 from safestage_eval.episode.rounding import most_off
 
 from .check_registry import check
-from .column_comparisons import compare_motion, longest_step
+from .column_comparisons import compare_motion, lengths
 from .columns import Columns
 
 F32 = NDArray[np.float32]
@@ -125,12 +125,16 @@ def jumps(columns: Columns) -> Iterator[ContradictionError]:
             continue
         if len(place) < 2 or len(place) != len(t):
             continue
-        over, i = longest_step(t, place, columns.episode.unseen, LONGEST["position"], FASTEST)
-        least = JUMP["position"][0]
-        if i >= 0 and over > least and over > least + 2 * most_off(place):
-            went = float(np.linalg.norm(place[i] - place[i - 1]))
+        step, unseen = np.diff(t), columns.episode.unseen
+        went = lengths(np.diff(place, axis=0))
+        over = np.where(step > LONGEST["position"], np.nan, went - FASTEST * step)
+        if unseen is not None:
+            over[unseen[1:] | unseen[:-1]] = np.nan
+        far, least = over > JUMP["position"][0], JUMP["position"][0]
+        if far.any() and np.nanmax(over) > least + 2 * most_off(place):
+            i = int(np.nanargmax(over)) + 1
             yield doubt(
-                f"{body.name!r} jumps by {went:.3g} m at {t[i]:.3f} s, within {t[i] - t[i - 1]:.3g} s.",
+                f"{body.name!r} jumps by {went[i - 1]:.3g} m at {t[i]:.3f} s, within {step[i - 1]:.3g} s.",
                 "motion without jumps",
                 "record resets as episodes of their own; look for exchanged rows",
                 bodies=(body.name,),

@@ -12,12 +12,13 @@ from safestage_eval.episode.contradiction import POSES, ContradictionError, doub
 from safestage_eval.episode.rounding import most_off
 
 from .check_registry import check
-from .column_comparisons import add_forces, while_at_rest, while_untouched
+from .column_comparisons import lengths
 from .columns import Array, Columns
 from .contact_doubts import CAUSES, EVERY
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
 
 STILL, STILL_FOR = 5e-4, 0.1
 """m and s: a body at rest is nowhere else that much before and after each moment of its rest. A
@@ -109,7 +110,7 @@ def _borne(columns: Columns, i: int, place: Array, *, exact: bool) -> list[Contr
         if told.keys() >= {"frame", "force"}:
             sign = -1.0 if pair[0] == i else 1.0
             touched[told["frame"]] = True
-            add_forces(told["frame"], told["force"], sign, 1 if exact else EVERY, sums)
+            _add_forces(told["frame"], told["force"], sign, 1 if exact else EVERY, sums)
             if exact and len(told["frame"]):
                 many += int(np.bincount(told["frame"]).max())
         elif exact:
@@ -137,6 +138,16 @@ def _free(all_bodies: tuple[Body, ...], moved: Iterable[str | None]) -> list[int
         if body.kind == "object" and body.movable and body.geoms
         and body.parent is None and body.name not in jointed
     ]  # fmt: skip
+
+
+def _add_forces(frame: I32, force: F32, sign: float, every: int, sums: F64) -> None:
+    """Add forces (N, 3) to the ``sums`` (T, 4), x, y, z, and how strong they are, at each ``every`` frames."""
+    if every > 1:
+        some = frame % every == 0
+        frame, force = frame[some], force[some]
+    strong = lengths(force.astype(np.float64))
+    for column, values in enumerate((*(sign * force.T), strong)):
+        sums[:, column] += np.bincount(frame, values, len(sums))
 
 
 def _mean_around(sums: F64, reach: int) -> F64:
@@ -172,9 +183,17 @@ def _weight(
     if off > TOO_LITTLE * weight / 2:
         return  # nor what bears it, where all is rounded
     reach = max(1, round(STILL_FOR / dt))
-    limits = TOO_LITTLE * weight - off, TOO_MUCH * weight + off, ASIDE * weight + off
-    around = _mean_around(sums, reach) if dense else sums
-    *wrong, at = while_at_rest(position, sums, around, reach, STILL, EVERY, *limits)
+    least, most = TOO_LITTLE * weight - off, TOO_MUCH * weight + off
+    aside = ASIDE * weight + off
+    at = np.arange(-(-reach // EVERY) * EVERY, len(position) - reach, EVERY)
+    here = position[at]
+    still = [np.abs(position[at + way] - here) < STILL for way in (-reach, reach)]
+    at = at[(still[0] & still[1]).all(axis=1)]
+    wrong = np.ones((3, len(at)), np.bool_)
+    for known in (sums, _mean_around(sums, reach)) if dense else (sums,):
+        x, y, up, strong = known[at].T
+        side = np.hypot(x, y)
+        wrong &= (strong < least) | (up < -least), up > most, (side > aside) & (up < 0.5 * aside)
     for k, how in enumerate(("bear it with", "press it up with", "press it aside with")):
         lasted = wrong[k].sum() * EVERY * dt
         if lasted < RESTED:
@@ -182,7 +201,7 @@ def _weight(
         if most_off(position) > ROUGH:
             return
         i = int(at[wrong[k].argmax()])
-        bears = sums[i, 3] if sums[i, 3] < limits[0] else sums[i, 2]  # below 0: they pull it down
+        bears = sums[i, 3] if sums[i, 3] < least else sums[i, 2]  # below 0: they pull it down
         size = (bears, sums[i, 2], float(np.hypot(*sums[i, :2])))[k]
         yield doubt(
             f"{body!r} rests at {t[i]:.3f} s and weighs {weight:.3g} N, but contacts {how} "
@@ -213,7 +232,7 @@ def _free_fall(
     else:
         reach = max(1, round(STILL_FOR / dt))
         # at the middle of 2 reaches it is g (reach dt)² / 2 above the line; half of that is asked for
-        at = while_untouched(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2)
+        at = _in_the_air(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2)
         if len(at) * dt < RESTED:
             return
         first, lasted = int(at[0]), len(at) * dt
@@ -229,6 +248,18 @@ def _free_fall(
             hides=(*POSES, "contacts"),
             code="AUD127",
         )
+
+
+def _in_the_air(
+    position: F32, touched: NDArray[np.bool_], reach: int, least: float
+) -> NDArray[np.intp]:
+    """Frames at which nothing touches a body for ``reach`` frames, and it does not fall by ``least`` m."""
+    if touched.all() or len(position) <= 2 * reach:
+        return np.zeros(0, np.intp)
+    before = np.concatenate([[0], np.cumsum(touched)])
+    at = np.flatnonzero(before[2 * reach + 1 :] == before[: -2 * reach - 1]) + reach
+    z = position[:, 2].astype(np.float64)
+    return at[z[at] - 0.5 * (z[at - reach] + z[at + reach]) < least]
 
 
 def _stays_untouched(t: F64, position: F32, touched: NDArray[np.bool_]) -> tuple[int, float]:

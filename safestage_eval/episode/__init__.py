@@ -9,21 +9,14 @@ from .frames import RobotFrames
 from .header import SCHEMA_VERSION, Header, Remark, Source
 from .invariants import (
     check,
-    check_contact_frames,
-    check_contact_geoms,
-    check_contact_order,
     check_contacts,
-    check_finite,
-    check_frame_range,
     check_frames,
-    check_geom_owner,
     check_header,
     check_time,
     check_track,
-    check_track_column,
 )
 from .mesh import Mesh
-from .seen import as_judged, describe_holes, with_holes
+from .seen import describe_holes, with_holes
 from .track import Track, still_track
 
 __all__ = [
@@ -49,20 +42,12 @@ __all__ = [
     "Vec3",
     "Video",
     "Window",
-    "as_judged",
     "check",
-    "check_contact_frames",
-    "check_contact_geoms",
-    "check_contact_order",
     "check_contacts",
-    "check_finite",
-    "check_frame_range",
     "check_frames",
-    "check_geom_owner",
     "check_header",
     "check_time",
     "check_track",
-    "check_track_column",
     "describe_holes",
     "still_track",
     "with_header",

@@ -9,7 +9,7 @@ from safestage_eval.errors import TraceError
 
 Column = Literal[
     "position", "orientation", "linear_velocity", "angular_velocity", "contacts", "peak_force",
-    "joint", "gripper", "mass", "inertia", "cavity", "tcp",
+    "joint", "gripper", "mass", "inertia", "cavity", "tcp", "success",
 ]  # fmt: skip
 """Columns that may be doubtful: a body's, a joint's, or the contacts of one or two bodies."""
 
@@ -24,6 +24,7 @@ class ContradictionError(TraceError):
         code: of the check that found it: ``AUD115``.
         bodies: names of the bodies or joints that were compared; empty for the header alone.
         time: s, when; None where it holds throughout.
+        field: of the header, that it is about.
         hides: columns of these bodies that cannot be believed then; empty: the whole recording cannot.
     """
 
@@ -31,6 +32,7 @@ class ContradictionError(TraceError):
     bodies: tuple[str, ...] = ()
     time: float | None = None
     hides: tuple[Column, ...] = ()
+    field: str = ""
 
 
 def doubt(
@@ -42,9 +44,9 @@ def doubt(
     time: float | None = None,
     hides: tuple[Column, ...] = (),
     code: str = "",
-    where: str = "",
+    field: str = "",
 ) -> ContradictionError:
     """A contradiction; whoever runs the check that yields it adds where it is and the code."""
     return ContradictionError(
-        where, what, allowed, fix, code, bodies, None if time is None else float(time), hides
+        "", what, allowed, fix, code, bodies, None if time is None else float(time), hides, field
     )

@@ -35,7 +35,6 @@ class BodyShapes(NamedTuple):
         place: (G, 3) m, centres in the body frame.
         axes: (G, 3, 3) their axes in the body frame, as columns.
         radius: m, of the ball around the body frame's origin that holds all of them.
-        half: (G, 3) m, half sides of the box around each along its own axes.
     """
 
     kind: NDArray[np.int32]
@@ -43,7 +42,6 @@ class BodyShapes(NamedTuple):
     place: F64
     axes: F64
     radius: float
-    half: F64
 
 
 _KNOWN: dict[int, tuple[Body, BodyShapes]] = {}
@@ -80,14 +78,7 @@ def _built(body: Body, meshes: Mapping[str, Mesh]) -> BodyShapes:
         else:
             size[i, : len(geom.size)] = geom.size
         reach[i] = np.linalg.norm(place[i]) + _ball(geom, size[i])
-    return BodyShapes(kind, size, place, axes, float(reach.max()), _half_sides(kind, size))
-
-
-def _half_sides(kind: NDArray[np.int32], size: F64) -> F64:
-    half = np.where(kind[:, None] == SPHERE, size[:, :1], size)
-    along = size[:, 1] + np.where(kind == CAPSULE, size[:, 0], 0)  # half length, and the caps
-    round_ = ((kind == CYLINDER) | (kind == CAPSULE))[:, None]
-    return np.where(round_, np.stack([size[:, 0], size[:, 0], along], 1), half)
+    return BodyShapes(kind, size, place, axes, float(reach.max()))
 
 
 def _ball(geom: Geom, size: F64) -> float:
@@ -109,6 +100,27 @@ def rotation_matrix(quaternion: tuple[float, ...]) -> F64:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def world_boxes(shapes: BodyShapes, turn: F64, place: F64) -> tuple[F64, F64]:
+    """(G, 3) and (G, 3) m, lower and upper corners of the boxes around shapes, in the world.
+
+    ``turn`` (3, 3) and ``place`` (3,): of the body. Of a plane it is its origin.
+    """
+    axes, kind = turn @ shapes.axes, shapes.kind[:, None]
+    radius, length = shapes.size[:, :1], shapes.size[:, 1:2]
+    along = np.abs(axes[:, :, 2])
+    flat = (np.abs(axes) @ shapes.size[:, :, None])[:, :, 0]
+    radii = np.where(kind == SPHERE, radius, shapes.size)
+    curved = np.linalg.norm(axes * radii[:, None], axis=2)
+    cylinder = radius * np.sqrt(np.maximum(1 - along**2, 0)) + length * along
+    reach = np.select(
+        [kind == CYLINDER, kind == CAPSULE, (kind == SPHERE) | (kind == ELLIPSOID)],
+        [cylinder, radius + length * along, curved],
+        flat,
+    )
+    centre = shapes.place @ turn.T + place
+    return centre - reach, centre + reach
 
 
 def volume(body: Body, shapes: BodyShapes) -> float:

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .clock import longest_spacing, usual
-from .clock_invariants import check_clock
 from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
@@ -32,18 +31,6 @@ V = TypeVar("V")
 
 LATE = 1.5
 """The first sample may come so many spacings after time 0: one, and half of one for jitter."""
-
-
-def as_judged(episode: Episode) -> Episode:
-    """The episode as it is judged: ``with_holes``, once its header and its stamps agree.
-
-    Raises TraceError where they contradict each other.
-    """
-    for error in check_clock(
-        episode.header, episode.t, str(episode.path or episode.header.episode_id)
-    ):
-        raise error
-    return with_holes(episode)
 
 
 def with_holes(episode: Episode, *, begins: bool = True) -> Episode:

@@ -7,14 +7,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from safestage_eval.doubts.columns import CONTACTS
+from safestage_eval.doubts.columns import CONTACTS, AtHand
 from safestage_eval.episode import Mesh, RobotFrames
 from safestage_eval.episode.contacts import Pair
 
 from .missing_values import Gaps
 
 
-class ReadSoFar:
+class ReadSoFar(AtHand):
     """The columns, as they were recorded, that signals and relations have looked at."""
 
     def __init__(self, gaps: Gaps, chained: bool = False) -> None:
@@ -22,7 +22,8 @@ class ReadSoFar:
 
         ``chained``: what was found hangs on the contacts of all bodies; their places are read then.
         """
-        self._gaps, self._episode, self._chained = gaps, gaps.given, chained
+        super().__init__(gaps.given)
+        self._gaps, self._chained = gaps, chained
         self._players = {name for names in gaps.given.header.roles.values() for name in names}
 
     def matters(self, body: str) -> bool:

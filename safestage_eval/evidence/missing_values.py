@@ -1,6 +1,6 @@
 """Values of an episode that were not recorded, per frame.
 
-Missing are: a body's pose or velocity where it is NaN; everything at the frames of
+Missing are: a body's pose or velocity where it is NaN or infinite; everything at the frames of
 ``Episode.unseen``; the force of a pair of bodies where a contact of theirs holds NaN, a normal that
 is not of unit length, or a force that pulls; its peak there, and where the peak is NaN. Signals are computed from the cleaned episode, in which
 the last measured value stands in a gap, and are then made unknown there (``Signals``,
@@ -10,16 +10,17 @@ the last measured value stands in a gap, and are then made unknown there (``Sign
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, ContactTable, Episode, Track
+from safestage_eval.episode import Body, ContactTable, Episode, RobotFrames, Track
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.episode.header import SKETCH
-from safestage_eval.episode.invariants import all_finite
+from safestage_eval.episode.invariants import all_finite, measured
 from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
 from safestage_eval.geometry.pose import transform
 
@@ -58,7 +59,12 @@ class Gaps:
         vars(clean).update(vars(given))
         vars(clean)["tracks"] = StoredItems(given.tracks, self._track)
         vars(clean)["_contacts"] = lambda: _CleanContacts(given.contacts, self)
+        vars(clean)["_frames"] = lambda: RobotFrames(
+            *(measured(getattr(given.frames, column.name)) for column in fields(RobotFrames))
+        )
+        vars(clean)["channels"] = StoredItems(given.channels, lambda k: measured(given.channels[k]))
         vars(clean).pop("contacts", None)
+        vars(clean).pop("frames", None)
         return clean
 
     # ---- tracks
@@ -339,7 +345,8 @@ class _CleanContacts(ContactTable):
                         frame[bad.reshape(len(bad), -1).any(axis=1)],
                         column == "peak_force",
                     )
-                    why = "it is NaN" if peak else "a contact of theirs holds NaN"
+                    number = "NaN" if not np.isinf(values).any() else "an infinite number"
+                    why = f"it is {number}" if peak else f"a contact of theirs holds {number}"
                     if gaps.in_doubt(pair, "peak_force" if peak else "contacts"):
                         why = f"their {'peaks' if peak else 'contacts'} contradict other columns"
                     gaps.mark(pair, frame, why, peak=peak)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from safestage_eval._process.within import within_limits
+from safestage_eval.doubts.find_doubts import header_contradictions
 from safestage_eval.episode import check
 from safestage_eval.errors import TraceError
 
@@ -47,6 +48,7 @@ def _problems(ref: EpisodeRef) -> list[TraceError]:
     try:
         episode = ref.open(checked=False)
         errors = check(episode)
+        errors += [error for error in header_contradictions(episode) if not error.hides]
         if not errors and ref.content_hash not in (None, episode.content_hash):
             errors.append(
                 TraceError(

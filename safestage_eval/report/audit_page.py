@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from safestage_eval.audit import Check, choose
-from safestage_eval.doubts.check_registry import CODES
+from safestage_eval.doubts.check_registry import KINDS
 
 INTRODUCTION = """\
 # Is my evaluation sound?
@@ -49,7 +49,7 @@ HEADINGS = {
 def page() -> str:
     """The whole page."""
     parts = [INTRODUCTION]
-    for kind in CODES:
+    for kind, _ in KINDS.values():
         checks = [one for one in choose() if one.of == kind]
         if checks:
             parts.append("\n".join([f"\n## {HEADINGS[kind]}", *(_section(one) for one in checks)]))

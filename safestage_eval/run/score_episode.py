@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from safestage_eval.verdicts import EpisodeResult
 
 
-Look = Callable[["Episode", "RuleSet", "BindFile | None", "EpisodeResult"], dict[str, Any]]
+Look = Callable[["Episode", "RuleSet", "BindFile | None"], dict[str, Any]]
 """Finds more in an episode that was judged, as JSON values: ``EpisodeResult.audit``."""
 
 
@@ -73,7 +73,7 @@ def _scored(
     )
     if differs:
         result = replace(result, notes=(*result.notes, _OTHER_CONTENT))
-    return result if look is None else replace(result, audit=look(episode, rules, bind, result))
+    return result if look is None else replace(result, audit=look(episode, rules, bind))
 
 
 def _told(error: Exception) -> str:

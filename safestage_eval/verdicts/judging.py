@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval.doubts import contradictions
+from safestage_eval.doubts import contradictions, header_contradictions
 from safestage_eval.doubts.doubtful_columns import describe_doubtful, hide_doubtful
-from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
+from safestage_eval.episode import Episode, describe_holes, with_holes
 from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.evidence.at_hand import ReadSoFar
@@ -68,7 +68,6 @@ def judge(
     if bind is not None and bind.bodies:
         episode = bind.described(episode)
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    episode = as_judged(episode)
     return judge_believed(
         Judge(episode, rules, binding),
         trace_hash=trace_hash or episode.trace_hash, assigned_only=assigned_only, strict=strict,
@@ -87,17 +86,19 @@ def judge_believed(
     Arguments and errors as of ``judge``.
     """
     episode, doubtful = judge_.episode, list[ContradictionError]()
+    found = [*header_contradictions(episode.recorded or episode)]
     while True:
-        result = judge_.result(trace_hash, assigned_only=assigned_only)
-        found = [error for error in judge_.contradictions() if error not in doubtful]
         for error in found:
             if strict or not error.hides:
                 raise error
+        if found:
+            doubtful += found
+            judge_ = Judge(hide_doubtful(episode, doubtful), judge_.rules, judge_.binding)
+        result = judge_.result(trace_hash, assigned_only=assigned_only)
+        found = [error for error in judge_.contradictions() if error not in doubtful]
         if not found:
             notes = (*result.notes, *describe_doubtful(doubtful))
             return judge_, replace(result, notes=notes) if doubtful else result
-        doubtful += found
-        judge_ = Judge(hide_doubtful(episode, doubtful), judge_.rules, judge_.binding)
 
 
 class Judge:

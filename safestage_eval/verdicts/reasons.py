@@ -28,6 +28,7 @@ REMEDIES = (
     ("touched it was not recorded", "record all contacts, and all bodies of the robot"),
     ("contradict", "correct the recording as the note on the episode says"),
     ("is NaN from", "record its poses and velocities at every frame"),
+    ("is infinite from", "look for a division by zero, or write NaN for what was not measured"),
     ("recording ends", "record the rollout to its end, and on until everything is at rest"),
     ("recorded between", "record every frame"),
     ("recorded before", "record from the start of the episode on"),
@@ -116,7 +117,9 @@ def _not_measured(evaluator: Evaluator, env: Env, frame: int) -> str:
             spans = runs(lost)
             first, stop = min(spans, key=lambda s: max(s[0] - frame, frame + 1 - s[1]))
             begin, end = seconds(float(t[first])), seconds(float(t[stop - 1]))
-            return f"the {name} of {body} is NaN from {begin} to {end}"
+            values = getattr(gaps.given.track(body), column)[first:stop]
+            number = "infinite" if np.isinf(values).any() else "NaN"
+            return f"the {name} of {body} is {number} from {begin} to {end}"
     return ""
 
 

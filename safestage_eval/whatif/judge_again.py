@@ -7,7 +7,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from safestage_eval.episode import Episode, as_judged
+from safestage_eval.episode import Episode, with_holes
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import load_bind
@@ -54,18 +54,16 @@ class Again:
             TraceError: header and clock contradict themselves.
         """
         self.rules = rules
-        episode = as_judged(episode if bind is None else bind.described(episode))
+        episode = with_holes(episode if bind is None else bind.described(episode))
         self.binding: Binding = bind_episode(
             rules, episode.header, bind=bind, overrides=overrides or {}
         )
         known = _relations(episode, rules, [like.relations] if like else [])
         self.judge = Judge(episode, rules, self.binding, known)
-        self._result: EpisodeResult | None = None
-        if episode.path is not None:  # only what is stored can contradict itself
-            trace_hash = episode.trace_hash
-            self.judge, self._result = judge_believed(
-                self.judge, trace_hash=trace_hash, assigned_only=True
-            )
+        self._result: EpisodeResult
+        self.judge, self._result = judge_believed(
+            self.judge, trace_hash=episode.trace_hash, assigned_only=True
+        )
         self.episode: Episode = self.judge.episode
         self.relations: Relations = self.judge.relations
         self._verdicts: Kept[Verdict] = {}
@@ -117,7 +115,7 @@ class Again:
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
         """Result rows of the assigned rules, under the values that hold."""
-        rows = (self._result or self.judge.result(assigned_only=True)).rows()
+        rows = self._result.rows()
         return [row for row in rows if row["assigned"]]
 
     def players(self, rule: ast.Scoped) -> Mapping[str, Sequence[str]]:

@@ -219,6 +219,9 @@ HARMLESS = {
     "obstacle 1 m aside": "likewise",
     "obstacle teleports": "likewise",
     "inertia in g cm²": "the rule asks for no inertia",
+    "success before the start": "success is recomputed from the goal",
+    "a time of success without success": "likewise",
+    "ended with success that was none": "likewise",
 }
 """Damages that are told and change no verdict: nothing that the rule reads is damaged."""
 

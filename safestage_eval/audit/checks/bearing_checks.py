@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.start import ROBOT, Start, start_of
-from safestage_eval.audit.subject import Subject
+from safestage_eval.audit.start import ROBOT, Start
 from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
 from safestage_eval.episode.runs import runs
@@ -60,21 +59,20 @@ STILL = 2e-3
     example="a cube that is lifted between two pads, each 1 cm away from it",
     unless=("AUD101", "AUD111", "AUD113", "AUD131", "AUD201", "AUD202", "AUD204"),
 )
-def borne_by_nothing(subject: Subject) -> Iterator[Defect]:
+def borne_by_nothing(start: Start) -> Iterator[Defect]:
     """Looks for free bodies that are further than 2 mm from everything for 0.25 s, and do not fall.
 
     Without recorded contacts, and where every part of the robot and of the scene has a shape.
     """
-    start = start_of(subject)
-    if start is None or not start.blind or not start.robot:
+    if not start.blind or not start.robot:
         return
     if any(body.unseen or "links" in body.untold for body in start.solid):
         return
-    t = subject.episode.t
+    t = start.episode.t
     frames = np.unique(np.linspace(0, len(t) - 1, min(len(t), LOOKS)).astype(int))
-    gravity = -subject.header.gravity[2]
+    gravity = -start.header.gravity[2]
     for body in start.moved:
-        if not np.isfinite(subject.track(body.name).position).all():
+        if not np.isfinite(start.episode.track(body.name).position).all():
             continue
         spans = _in_air(start, body, frames)
         spans = [s for s in spans if not _falls(start, body, s, gravity)]
@@ -143,12 +141,11 @@ def _nearest(start: Start, body: Body, first: int, last: int) -> tuple[str, floa
     example="a finger whose pad is modelled 1 cm too thick",
     unless=("AUD101", "AUD111", "AUD113", "AUD131", "AUD201", "AUD210"),
 )
-def through_each_other(subject: Subject) -> Iterator[Defect]:
+def through_each_other(start: Start) -> Iterator[Defect]:
     """Measures how deep shapes overlap at twelve frames, where no contacts are recorded; 8 mm pass."""
-    start = start_of(subject)
-    if start is None or not start.blind:
+    if not start.blind:
         return
-    t, deepest = subject.episode.t, dict[tuple[str, str], tuple[float, int]]()
+    t, deepest = start.episode.t, dict[tuple[str, str], tuple[float, int]]()
     for frame in np.unique(np.linspace(0, len(t) - 1, SAMPLES).astype(int)).tolist():
         for a, b in start.overlaps(DEEP, frame):
             depth = start.depth(a, b, frame)
@@ -173,14 +170,11 @@ def through_each_other(subject: Subject) -> Iterator[Defect]:
     example="a box that rests on one of its edges, tilted by 30° against the table",
     unless=("AUD101", "AUD111", "AUD113", "AUD206"),
 )
-def rests_tilted(subject: Subject) -> Iterator[Defect]:
+def rests_tilted(start: Start) -> Iterator[Defect]:
     """Looks for objects at rest whose middle is not above the lowest 3 mm of their shape.
 
     Only of those that at most one other body is near, on which alone they would stand.
     """
-    start = start_of(subject)
-    if start is None:
-        return
     for body in start.moved:
         place = start.position(body.name)
         if not np.isfinite(place).all() or np.ptp(place, axis=0).max() > STILL:
@@ -188,7 +182,10 @@ def rests_tilted(subject: Subject) -> Iterator[Defect]:
         beyond, mine = _beyond(start, body), start.boxes(body)
         if beyond is None or mine is None or beyond < BEYOND or _company(start, body, mine) > 1:
             continue
-        tilt = _tilt(subject, body)
+        up, tilt = start.up(body), ""
+        if up is not None:
+            angle = np.degrees(np.arccos(np.clip(up, -1, 1)))
+            tilt = f", tilted by {angle:.0f}° against its support"
         yield Defect(
             f"{body.name!r} rests on an edge or a corner{tilt}: its middle lies {1000 * beyond:.0f} mm "
             "beside what it stands on.",
@@ -197,7 +194,7 @@ def rests_tilted(subject: Subject) -> Iterator[Defect]:
             "the orientation is read in another order, or its shape is turned against its frame",
             bodies=(body.name,),
             field="bodies.orientation",
-            time=float(subject.episode.t[0]),
+            time=start.begins,
         )
 
 
@@ -230,11 +227,3 @@ def _company(start: Start, body: Body, mine: tuple[F64, F64]) -> int:
             ((theirs[0] <= high) & (theirs[1] >= low)).all(axis=1).any()
         )
     return count
-
-
-def _tilt(subject: Subject, body: Body) -> str:
-    if body.up_axis is None:
-        return ""
-    axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
-    up = rotate(subject.track(body.name).orientation[0].astype(float), axis)[2]
-    return f", tilted by {np.degrees(np.arccos(np.clip(up, -1, 1))):.0f}° against its support"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import start_of
-from safestage_eval.audit.subject import Subject, defect_of
-from safestage_eval.doubts.check_registry import also, check
+from safestage_eval.audit.subject import Subject
+from safestage_eval.doubts.check_registry import also
 from safestage_eval.episode.clock import MAX_GAP
 from safestage_eval.evidence.motion import com_position
 
@@ -31,23 +31,12 @@ OFF = 0.25
 """Share by which free fall may differ from gravity: drag of the air and of joints, coarse samples."""
 
 
-@check(
-    "AUD113",
-    "error",
-    title="z does not point up",
-    why="Support, tilt, falls and edges are about up and down.",
-    example="poses from an engine whose y axis points up",
-    issue="newton-physics/newton#84",
-    unless=("AUD101", "AUD111"),
-)
+@also("AUD113")
 def up_axis(subject: Subject) -> Iterator[Defect]:
-    """Reads gravity from the header, from forces on bodies at rest, and from free falls.
+    """Reads it from forces on bodies at rest, and from free falls.
 
     Without contacts, from shapes: where objects stand on others along another axis, and none along z.
     """
-    for error in subject.of_code("AUD113"):
-        yield defect_of([error])
-    yield from subject.explained("AUD113")
     if subject.diagnosis.repair is not None:
         return
     for body, fall, time in _falls(subject):
@@ -89,9 +78,9 @@ def gravity(subject: Subject) -> Iterator[Defect]:
 
     Likewise the forces on two or more bodies at rest, divided by their masses.
     """
+    stated = -subject.header.gravity[2]
     if not subject.readable or subject.diagnosis.repair is not None:
         return
-    stated = -subject.header.gravity[2]
     borne = [share * stated for share in borne_shares(subject).values()]
     middle = float(np.median(borne)) if len(borne) > 1 else stated
     if abs(middle - stated) > BORNE * stated and np.ptp(borne) <= BORNE * middle:
@@ -104,7 +93,7 @@ def gravity(subject: Subject) -> Iterator[Defect]:
         )
         return
     falls = [(body, -fall[2], time) for body, fall, time in _falls(subject) if -fall[2] > 0.3]
-    if not falls or subject.of_code("AUD113"):
+    if not falls:
         return
     body, size, time = sorted(falls, key=lambda one: one[1])[len(falls) // 2]
     if abs(size - stated) <= OFF * stated:

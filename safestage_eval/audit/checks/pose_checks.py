@@ -167,12 +167,13 @@ def quaternion_signs(subject: Subject) -> Iterator[Defect]:
     example="the position of a cube that a tracker lost from 2.0 to 2.5 s, written as NaN",
 )
 def not_measured(subject: Subject) -> Iterator[Defect]:
-    """Looks for NaN in poses and velocities; velocities that are NaN throughout were not recorded."""
+    """Looks for NaN and infinite poses and velocities; velocities that are NaN throughout were not recorded."""
     t = subject.episode.t
     for body in subject.header.bodies if subject.readable else ():
         if body.name not in subject.episode.tracks:
             continue
         track, lost = subject.track(body.name), dict[str, NDArray[np.bool_]]()
+        stored = subject.given.tracks[body.name]
         for column in (*POSE, *TWIST):
             values = getattr(track, column)
             if all_finite(values):
@@ -186,9 +187,10 @@ def not_measured(subject: Subject) -> Iterator[Defect]:
         spans = runs(some)
         first, last = (float(t[min(i, len(t) - 1)]) for i in (spans[0][0], spans[-1][1] - 1))
         names = " and ".join(column.replace("_", " ") for column in lost)
+        number = "infinite" if any(np.isinf(getattr(stored, c)).any() for c in lost) else "NaN"
         often = f", {len(spans)} times" if len(spans) > 1 else ""
         yield Defect(
-            f"{names} of {body.name!r} {'is' if len(lost) == 1 else 'are'} NaN in {some.sum()} of "
+            f"{names} of {body.name!r} {'is' if len(lost) == 1 else 'are'} {number} in {some.sum()} of "
             f"{len(some)} frames ({100 * some.mean():.2g} %), from {first:.2f} s to {last:.2f} s{often}.",
             "record poses and velocities of every body at every frame",
             "the tracker or the simulator lost the body",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
@@ -28,27 +28,11 @@ def _meant(near: str) -> str:
     cheap=True,
 )
 def role_players(subject: Subject) -> Iterator[Defect]:
-    """Looks the bodies of each role up among bodies and joints, of the header and of a bind file."""
-    header = subject.header
-    known = {body.name for body in header.bodies} | {joint.name for joint in header.joints}
-    missing = False
-    for role, players in header.roles.items():
-        for player in players:
-            if player in known:
-                continue
-            missing, near = True, nearest(player, known)
-            yield Defect(
-                f'role {role} is played by "{player}", which is no body of the trace.',
-                f'write roles.{role} = ["{near}"]' if near else f"name one of: {_some(known)}",
-                _meant(near),
-                bodies=(player,),
-                field=f"roles.{role}",
-            )
-    if subject.unbound is not None and not missing:
-        error = subject.unbound
-        yield Defect(
-            f"{error.where}: {error.what}", error.fix or f"allowed: {error.allowed}", field="roles"
-        )
+    """Binds roles to bodies and joints as scoring does, by header and bind file."""
+    error = subject.unbound
+    if error is not None:
+        fix = error.fix or f"allowed: {error.allowed}"
+        yield Defect(f"{error.where}: {error.what}", fix, field="roles")
 
 
 @check(
@@ -197,8 +181,3 @@ def parameters(subject: Subject) -> Iterator[Defect]:
             field="goal",
             severity=None if near else "note",
         )
-
-
-def _some(names: Iterable[str]) -> str:
-    listed = sorted(names)
-    return ", ".join(listed[:8]) + (", …" if len(listed) > 8 else "")

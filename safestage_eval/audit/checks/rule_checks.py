@@ -1,20 +1,23 @@
-"""Checks of what can be decided: by which rules, and what is missing for the others."""
+"""Checks of what rules need: a recording that lasts long enough, and a task that assigns them."""
 
 from __future__ import annotations
 
 import re
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 from safestage_eval._text.plural import first_few
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
 from safestage_eval.doubts.check_registry import check
+from safestage_eval.episode import with_holes
+from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import BY_ROLES
 from safestage_eval.verdicts.explain import cause_and_remedy
 from safestage_eval.verdicts.players import nodes
+
+from .clock_checks import SLOW
 
 SAID = re.compile(r"the recording ends \S+ s after success|nothing was recorded")
 """Causes that other checks report: too short a recording, and its holes."""
@@ -94,23 +97,48 @@ def short_tail(subject: Subject) -> Iterator[Defect]:
     unless=("AUD105", "AUD106", "AUD119", "AUD125", "AUD126", "AUD137", "AUD151"),
 )
 def undecidable(subject: Subject) -> Iterator[Defect]:
-    """Judges by the assigned rules, as scoring does, and says why a verdict is inconclusive."""
+    """Judges by the assigned rules, as scoring does, and says why a verdict is inconclusive.
+
+    Where the recording lacks forces, shapes, fingers or samples; why any other verdict is open,
+    ``safestage score`` says.
+    """
+    from safestage_eval.verdicts.judging import Judge
+
     binding = subject.binding
-    for rule in subject.assigned if binding is not None else ():
-        if binding is not None and binding.unbound(rule):
-            continue
-        verdict = subject.verdict(rule)
+    if binding is None or not subject.sound or not subject.assigned or not _lacking(subject):
+        return
+    try:
+        judge = Judge(subject.episode, subject.rules, binding, subject.relations)
+        verdicts = [judge.verdict(rule) if isinstance(rule, ast.Rule) else judge.cost(rule)[1]
+                    for rule in subject.assigned if not binding.unbound(rule)]  # fmt: skip
+    except InputError:  # a name in its goal or rules that it does not bear
+        return
+    for verdict in verdicts:
         if verdict is None or verdict.verdict != "inconclusive":
             continue
         cause, remedy = cause_and_remedy(verdict.explanation)
         if not SAID.match(cause):
             yield Defect(
-                f"{rule.code} cannot be decided: {cause or 'something it asks for is not known'}.",
+                f"{verdict.rule} cannot be decided: {cause or 'something it asks for is not known'}.",
                 remedy or "record what the rule asks for, or assign another rule",
                 bodies=verdict.bodies,
                 field="rules",
                 time=verdict.worst_time,
             )
+
+
+def _lacking(subject: Subject) -> bool:
+    """Whether anything was not recorded that rules ask for."""
+    episode, bodies = subject.episode, subject.header.bodies
+    fingers = {body.finger for body in bodies}
+    return (
+        subject.header.force_source == "none"
+        or not episode.contacts.pairs
+        or not {"left", "right"} <= fingers
+        or any(body.unseen for body in bodies)
+        or episode.dt > SLOW
+        or with_holes(episode).unseen is not None
+    )
 
 
 @check(
@@ -123,40 +151,16 @@ def undecidable(subject: Subject) -> Iterator[Defect]:
     cheap=True,
 )
 def unassigned(subject: Subject) -> Iterator[Defect]:
-    """Judges by all loaded rules, as scoring does: which are decided, and what is missing for others."""
+    """Counts the loaded rules whose roles are bound; safestage score says which of them can be decided."""
     binding = subject.binding
     if binding is None or binding.provenance.get("rules", BY_ROLES) != BY_ROLES:
         return
-    choose = (
-        'write rules = ["…"] into the header or a bind file, or choose with --assign and --role'
-    )
-    if not subject.sound:  # then nothing can be judged
-        yield Defect("no rule is assigned.", choose, field="rules")
-        return
-    decided: list[str] = []
-    lacking: dict[str, list[str]] = defaultdict(list)
-    unbound = 0
-    for rule in subject.rules.scoped.values():
-        if binding.unbound(rule):
-            unbound += 1
-            continue
-        verdict = subject.verdict(rule)
-        if verdict is None or verdict.vacuity == "no_player":
-            continue
-        if verdict.verdict == "inconclusive":
-            cause, _ = cause_and_remedy(verdict.explanation)
-            lacking[cause.split(f"; {rule.code} needs")[0]].append(rule.code)
-        else:
-            decided.append(rule.code)
-    says = [f"{len(decided)} of the loaded rules can be decided" + _among(decided)]
-    says += [f"{unbound} need roles that are not bound"] if unbound else []
-    says += [f"{first_few(codes, 6)} cannot: {cause}" for cause, codes in lacking.items()]
+    loaded = subject.rules.scoped
+    playable = [code for code, rule in loaded.items() if binding.playable(rule, subject.header)]
+    among = f": {first_few(playable, 6)}" if playable else ""
     yield Defect(
-        f"no rule is assigned. {'; '.join(says)}.",
-        choose,
+        f"no rule is assigned. Of {len(loaded)} loaded rules {len(playable)} have a body for each of "
+        f"their roles{among}.",
+        'write rules = ["…"] into the header or a bind file, or choose with --assign and --role',
         field="rules",
     )
-
-
-def _among(codes: Sequence[str]) -> str:
-    return f": {first_few(codes, 6)}" if codes else ""

@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.start import ROBOT, Start, start_of
+from safestage_eval.audit.start import ROBOT, Start
 from safestage_eval.audit.subject import Subject
 from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
-from safestage_eval.geometry.pose import rotate
-from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.players import combinations
@@ -52,11 +50,8 @@ TOPPLED = 0.5
     example="a bottle that was placed 2 cm into a shelf",
     issue="Farama-Foundation/Gymnasium-Robotics#268",
 )
-def penetrating(subject: Subject) -> Iterator[Defect]:
+def penetrating(start: Start) -> Iterator[Defect]:
     """Measures how deep shapes overlap at the first frame; 4 mm are let pass, from 1 cm on it is an error."""
-    start = start_of(subject)
-    if start is None:
-        return
     for a, b in start.overlaps(DEEP):
         depth = start.depth(a, b)
         if depth > DEEP:
@@ -66,7 +61,7 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
                 "a pose that was drawn at random, of another size of the object, or with y up",
                 bodies=(a.name, b.name),
                 field="bodies.position",
-                time=float(subject.episode.t[0]),
+                time=start.begins,
                 severity="error" if depth > TOO_DEEP else "warning",
             )
 
@@ -81,13 +76,12 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
     issue="tylerlum/simtoolreal#17",
     unless=("AUD113", "AUD201"),
 )
-def falling(subject: Subject) -> Iterator[Defect]:
+def falling(start: Start) -> Iterator[Defect]:
     """Looks for objects that come down by 2 cm before the robot touches anything.
 
     Not judged without a recorded robot: it might have lowered them.
     """
-    start = start_of(subject)
-    if start is None or not start.robot:
+    if not start.robot:
         return
     for body in start.moved:
         height = start.position(body.name)[:, 2]
@@ -99,7 +93,7 @@ def falling(subject: Subject) -> Iterator[Defect]:
                 "a pose above its support, or on nothing at all",
                 bodies=(body.name,),
                 field="bodies.position",
-                time=float(subject.episode.t[0]),
+                time=start.begins,
             )
 
 
@@ -112,22 +106,17 @@ def falling(subject: Subject) -> Iterator[Defect]:
     issue="physical-superintelligence-lab/SIMPLE#22",
     unless=("AUD111", "AUD144", "AUD201", "AUD202"),
 )
-def toppled(subject: Subject) -> Iterator[Defect]:
+def toppled(start: Start) -> Iterator[Defect]:
     """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything.
 
     Without a recorded robot, which might have turned them, at the first frame alone.
     """
-    start = start_of(subject)
-    players = {name for who in subject.header.roles.values() for name in who}
-    if start is None:
-        return
+    players = {name for who in start.header.roles.values() for name in who}
     for body in start.moved:
-        if body.up_axis is None:
-            continue
-        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
         last = start.stop - 1 if start.robot else 0
-        turn = subject.track(body.name).orientation[[0, last]].astype(float)
-        before, after = rotate(turn, axis)[:, 2]
+        before, after = start.up(body), start.up(body, last)
+        if before is None or after is None:
+            continue
         if after < TOPPLED and (body.name in players or before > TOPPLED):
             tilt = np.degrees(np.arccos(np.clip(after, -1, 1)))
             when = "before the robot touches anything" if start.robot else "at the first frame"
@@ -138,7 +127,7 @@ def toppled(subject: Subject) -> Iterator[Defect]:
                 "it was placed unstably, or its up axis is not the one that points up",
                 bodies=(body.name,),
                 field="bodies.orientation",
-                time=float(subject.episode.t[last]),
+                time=float(start.episode.t[last]),
             )
 
 
@@ -151,13 +140,12 @@ def toppled(subject: Subject) -> Iterator[Defect]:
     issue="robocasa/robocasa#48",
     unless=("AUD113", "AUD201", "AUD202", "AUD203"),
 )
-def hovering(subject: Subject) -> Iterator[Defect]:
+def hovering(start: Start) -> Iterator[Defect]:
     """Looks for objects at rest with more than 1 cm of air below and around them, where no contacts are recorded.
 
     A note where no robot is recorded, which may hold them.
     """
-    start = start_of(subject)
-    if start is None or not start.blind:
+    if not start.blind:
         return
     others = start.solid
     if any(body.unseen and body.kind != "robot" for body in others):
@@ -181,7 +169,7 @@ def hovering(subject: Subject) -> Iterator[Defect]:
                 else "a robot that is not recorded holds it, or its support is not recorded",
                 bodies=(body.name,),
                 field="bodies.position",
-                time=float(subject.episode.t[0]),
+                time=start.begins,
                 severity=None if start.robot else "note",
             )
 
@@ -202,19 +190,18 @@ def _meets(start: Start, body: Body, low: F64, high: F64) -> bool:
     example="a distractor parked ten metres away that is bound as protected",
     unless=("AUD101",),
 )
-def out_of_reach(subject: Subject) -> Iterator[Defect]:
+def out_of_reach(start: Start) -> Iterator[Defect]:
     """Looks for bodies with a role that are never within 2 m of any part of the robot."""
-    start = start_of(subject)
-    if start is None or not start.robot:
+    if not start.robot:
         return
-    some = np.linspace(0, len(subject.episode) - 1, 16).astype(int)
-    robot = np.stack([subject.episode.track(b.name).position[some] for b in start.robot])
-    for role, players in subject.header.roles.items():
+    some = np.linspace(0, len(start.episode) - 1, 16).astype(int)
+    robot = np.stack([start.episode.track(b.name).position[some] for b in start.robot])
+    for role, players in start.header.roles.items():
         for player in players:
-            body = subject.episode.bodies.get(player)
-            if body is None or player not in subject.episode.tracks or body.kind != "object":
+            body = start.episode.bodies.get(player)
+            if body is None or player not in start.episode.tracks or body.kind != "object":
                 continue
-            place = subject.episode.track(player).position[some]
+            place = start.episode.track(player).position[some]
             apart = float(np.linalg.norm(robot - place[None], axis=2).min())
             if apart > AWAY:
                 yield Defect(
@@ -235,17 +222,16 @@ def out_of_reach(subject: Subject) -> Iterator[Defect]:
     example="an orange that rolls through the first second",
     unless=("AUD201", "AUD202", "AUD203", "AUD204"),
 )
-def restless(subject: Subject) -> Iterator[Defect]:
+def restless(start: Start) -> Iterator[Defect]:
     """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything.
 
     Not judged without a recorded robot: it might have moved them.
     """
-    start = start_of(subject)
-    if start is None or not start.robot:
+    if not start.robot:
         return
     for body in start.moved:
         place = start.position(body.name)
-        speed = subject.track(body.name).linear_velocity[0].astype(float)
+        speed = start.episode.track(body.name).linear_velocity[0].astype(float)
         away = float(np.linalg.norm(place - place[0], axis=1).max())
         fast = float(np.linalg.norm(speed)) if np.isfinite(speed).all() else 0.0
         if away > DRIFT or (fast > ROLLS and not start.touched_by_robot(body.name)):
@@ -259,7 +245,7 @@ def restless(subject: Subject) -> Iterator[Defect]:
                 else "it rolls or slides from where it was placed",
                 bodies=(body.name,),
                 field="bodies.position",
-                time=float(subject.episode.t[0]),
+                time=start.begins,
                 severity="error" if away > 5 * DRIFT else None,
             )
 
@@ -272,9 +258,8 @@ def restless(subject: Subject) -> Iterator[Defect]:
     example="a recording that was cut at the grasp",
     unless=("AUD201", "AUD105"),
 )
-def begins_in_touch(subject: Subject) -> Iterator[Defect]:
+def begins_in_touch(start: Start) -> Iterator[Defect]:
     """Looks for contacts between robot and objects in the first frame."""
-    start = start_of(subject)
     held = [b.name for b in start.moved if start.touched_by_robot(b.name)] if start else []
     if held:
         yield Defect(
@@ -283,7 +268,7 @@ def begins_in_touch(subject: Subject) -> Iterator[Defect]:
             "the recording was cut, or begins in the middle of the task",
             bodies=tuple(held),
             field="contacts",
-            time=float(subject.episode.t[0]),
+            time=start.begins,
         )
 
 
@@ -295,10 +280,10 @@ def begins_in_touch(subject: Subject) -> Iterator[Defect]:
     example="ISH101 in a scene whose bottle stands beside the can, not on it",
     unless=("AUD151", "AUD152", "AUD201", "AUD202"),
 )
-def no_hazard(subject: Subject) -> Iterator[Defect]:
+def no_hazard(start: Start) -> Iterator[Defect]:
     """Asks what an assigned rule is given, of all bodies that play its roles, at the start."""
-    start, binding = start_of(subject), subject.binding
-    if start is None or binding is None:
+    subject, binding = start.subject, start.subject.binding
+    if binding is None:
         return
     for rule in subject.assigned:
         if binding.unbound(rule):
@@ -312,8 +297,7 @@ def no_hazard(subject: Subject) -> Iterator[Defect]:
                 field=f"roles.{empty[0]}",
             )
         elif (
-            rule.given is not None
-            and _given(start, subject.rules, binding.params(rule), rule, players) is False
+            rule.given is not None and _given(subject, rule, binding.params(rule), players) is False
         ):
             yield Defect(
                 f"{rule.code} ({rule.title}) is given what does not hold at the start of this scene, for "
@@ -324,19 +308,18 @@ def no_hazard(subject: Subject) -> Iterator[Defect]:
                 if len(players) < 4
                 else (),
                 field="rules",
-                time=float(subject.episode.t[0]),
+                time=start.begins,
             )
 
 
 def _given(
-    start: Start,
-    rules: RuleSet,
-    params: Mapping[str, ast.Quantity | ast.Duration],
+    subject: Subject,
     rule: ast.Scoped,
+    params: ast.Params,
     players: Mapping[str, tuple[str, ...]],
 ) -> bool | None:
     """Whether a rule applies to any combination of bodies; None where that is not known."""
-    evaluator = Evaluator(start.relations, rules, params, None)
+    evaluator = Evaluator(subject.relations, subject.rules, params, None)
     evaluator.players = players
     conditions = [applies(evaluator, rule, env) for env in combinations(rule, players)]
     if any(one is True for one in conditions):
@@ -350,6 +333,7 @@ def _given(
     title="the target cannot move",
     why="No rule about moving, carrying or leaving it can ever be violated.",
     example="a target that is welded to the table",
+    over="episode",
     cheap=True,
 )
 def fixed_target(subject: Subject) -> Iterator[Defect]:

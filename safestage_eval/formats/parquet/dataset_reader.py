@@ -20,7 +20,6 @@ from safestage_eval.episode import (
     RobotFrames,
     Track,
     check_contacts,
-    check_finite,
     check_frames,
     check_header,
     check_time,
@@ -281,7 +280,6 @@ class _StoredEpisode:
             own, title = (body == key[0]) & (name == key[1]), f"channel {key[1]!r} of {key[0]!r}"
             self.in_order(frame[own], title, self.length)
             channels[key] = values[own]
-            self.demand(check_finite(channels[key], title, self.where))
         return channels
 
     def states(self) -> dict[int, NDArray[np.float64]]:
