@@ -131,27 +131,31 @@ def _to_npy(values: Any) -> bytes:
 
 
 def _from_zip(data: bytes) -> dict[str, Any]:
-    """Members by name: arrays, trees of JSON, and bytes."""
+    """Members by name, those of a folder together: arrays, trees of JSON, and bytes."""
+    tree: dict[str, Any] = {}
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    return {
-        name: _from_npy(part)
-        if name.endswith(".npy")
-        else json.loads(part)
-        if name.endswith(".json")
-        else part
-        for name, part in parts.items()
-    }
+        for name in archive.namelist():
+            part, (folder, _, _) = archive.read(name), name.rpartition("/")
+            codec = codec_of(name)
+            inner = tree.setdefault(folder + "/", {}) if folder else tree
+            inner[name] = codec.read(part) if codec else part
+    return tree
 
 
-def _to_zip(members: dict[str, Any]) -> bytes:
+def _to_zip(tree: dict[str, Any]) -> bytes:
     out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
+
+    def put(members: dict[str, Any]) -> None:
         for name, value in members.items():
-            data = value if isinstance(value, bytes) else _to_npy(value)
-            if name.endswith(".json") and not isinstance(value, bytes):
-                data = json.dumps(value).encode()
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
+            codec = codec_of(name)
+            if name.endswith("/"):
+                put(value)
+            else:
+                data = value if isinstance(value, bytes) or codec is None else codec.write(value)
+                archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
+
+    with zipfile.ZipFile(out, "w") as archive:
+        put(tree)
     return out.getvalue()
 
 
