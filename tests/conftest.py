@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 from browser import browser, tab  # noqa: F401 (fixtures)
 from hypothesis import settings
+from sampled import tries
 
 import safestage_eval.signals  # noqa: F401 (declares the signals)
 
 os.environ.pop("COLUMNS", None)  # what a parallel run sets is no wish for narrow tables
 
-settings.register_profile("safestage", derandomize=True, deadline=None, max_examples=30)
+settings.register_profile("safestage", derandomize=True, deadline=None, max_examples=tries(12, 60))
 settings.register_profile("quick", parent=settings.get_profile("safestage"), max_examples=4)
 settings.load_profile("safestage")
 

@@ -28,7 +28,9 @@ INPUTS = 400 if ALL else 12
 @pytest.mark.parametrize("key", TARGETS)
 def test_hostile_inputs(tmp_path, key):
     target = TARGETS[key](tmp_path)
-    if hasattr(target, "again"):  # what is altered when a file is written again is all that is wrong
+    if hasattr(
+        target, "again"
+    ):  # what is altered when a file is written again is all that is wrong
         assert {outcome.kind for outcome in target.again()} == {"same"}
     kinds = Counter()
     for number in range(INPUTS):

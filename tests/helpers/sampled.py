@@ -13,6 +13,11 @@ ALL = bool(os.environ.get("SAFESTAGE_ALL_CASES"))
 Case = TypeVar("Case")
 
 
+def tries(few: int, many: int) -> int:
+    """How many cases of a law are tried, or with ``make thorough``."""
+    return many if ALL else few
+
+
 def share(cases: Iterable[Case], one_in: int, *, of: str = "") -> list[Case]:
     """One in so many cases, evenly spread, and at least one.
 

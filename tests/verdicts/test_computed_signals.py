@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled import tries
 from scenes import Scene
 from toy import ALONE, HEAD, Facts, judge_toy, ruleset
 
@@ -154,7 +155,7 @@ def toy(a, b, condition, **more) -> Verdict:
 VALUES = st.lists(st.integers(-6, 6).map(float), min_size=2, max_size=10)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=tries(30, 80))
 @given(VALUES, VALUES, st.integers(1, 4))
 def test_verdicts_are_those_of_numpy(a, b, limit):
     n = min(len(a), len(b))
@@ -171,7 +172,7 @@ def test_verdicts_are_those_of_numpy(a, b, limit):
         assert found.margin == pytest.approx(-worst)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=tries(30, 80))
 @given(
     VALUES,
     VALUES,

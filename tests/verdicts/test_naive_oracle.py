@@ -8,7 +8,7 @@ import pytest
 from sampled import ALL
 from toy import HEAD, Facts, cost_toy, judge_toy
 
-SIGNALS = 4_000 if ALL else 600
+SIGNALS = 4_000 if ALL else 250
 """For each of nine kinds of operators."""
 AB = 'given = { any = ["p(a)", { "p(a)" = false }, "q(b)"] }\n'
 STATES = """

@@ -36,7 +36,7 @@ def alike(episode, way, rules=None):
 @pytest.mark.parametrize("way", WAYS)
 def test_recordings(way):
     rules = load_rules([ROOT / "rules"])
-    for ref in share(discover([ROOT / "traces", ROOT / "traces_learned"]), 7, of=way):
+    for ref in share(discover([ROOT / "traces", ROOT / "traces_learned"]), 16, of=way):
         alike(ref.open(), way, rules)
 
 

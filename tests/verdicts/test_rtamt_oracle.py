@@ -18,7 +18,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of the parser generator it uses
     rtamt = pytest.importorskip("rtamt", reason="not installed for this Python")
 
-SIGNALS = 1_500 if ALL else 250
+SIGNALS = 1_500 if ALL else 150
 """For each of the formulas below; hardly one in twelve is left out (``response``)."""
 LIMIT = 2
 FAR = 1e9

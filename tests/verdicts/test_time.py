@@ -192,7 +192,7 @@ def assigned(episode: Episode) -> EpisodeResult:
     return judge(episode, rules(*RULES), assigned_only=True)
 
 
-@pytest.mark.parametrize("name", share(names(), 3, of="moments"))
+@pytest.mark.parametrize("name", share(names(), 6, of="moments"))
 def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> None:
     whole = golden(name)
     expected = assigned(whole).violation
@@ -205,7 +205,7 @@ def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> N
         assert found in (expected, None), frames[:4]
 
 
-@pytest.mark.parametrize("name", share((name for name in names() if "unsafe" in name), 2))
+@pytest.mark.parametrize("name", share((name for name in names() if "unsafe" in name), 5))
 def test_what_hides_a_violation_never_passes(name: str) -> None:
     whole = golden(name)
     times = [v.time for v in assigned(whole).verdicts if v.time is not None]
@@ -215,7 +215,7 @@ def test_what_hides_a_violation_never_passes(name: str) -> None:
 
 @pytest.mark.parametrize("stage", ["ish", "ets", "fsh"])
 def test_a_late_start_and_rare_samples_never_pass(stage: str) -> None:
-    for name in share((name for name in names() if name.startswith(stage)), 2):
+    for name in share((name for name in names() if name.startswith(stage)), 4):
         whole = golden(name)
         reached = whole.header.success_time or 0.0
         for begin in (9.0, 0.5):

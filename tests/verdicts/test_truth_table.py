@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled import tries
 from scenes import G, Scene
 from toy import Facts, judge_toy, series
 
@@ -442,7 +443,7 @@ def test_a_gap_that_the_end_of_a_truncated_trace_cuts(
 
 
 @pytest.mark.parametrize("rule", RULES)
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=tries(12, 50))
 @given(frames=st.integers(1, 6), data=st.data())
 def test_what_is_decided_stays_so_whatever_the_unknown_turns_out_to_be(
     rule: str, frames: int, data: st.DataObject
@@ -475,7 +476,7 @@ def test_what_is_decided_stays_so_whatever_the_unknown_turns_out_to_be(
 
 
 @pytest.mark.parametrize("rule", RULES)
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tries(15, 60))
 @given(
     texts=st.lists(st.text("01", min_size=12, max_size=12), min_size=2, max_size=2), data=st.data()
 )
