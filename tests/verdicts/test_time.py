@@ -104,21 +104,6 @@ def test_a_touch_is_never_a_certain_pass_at_a_low_rate(
                 assert found == "inconclusive"
 
 
-@pytest.mark.parametrize("rate", [10, 20])
-def test_a_touch_that_only_its_peak_tells_is_no_certain_pass(rate: int) -> None:
-    whole = tapped(1.23, 0.005)
-    seen = at_rate(whole, rate, 0.0)
-    still = {**seen.tracks, "tip": at_rate(tapped(9.0, 0.1), rate, 0.0).tracks["tip"]}
-    rows = whole.contacts.where(np.arange(len(whole.contacts)) < 1)
-    frame = int(np.searchsorted(seen.t, 1.23))
-    object.__setattr__(rows, "frame", np.array([frame], np.int32))
-    object.__setattr__(rows, "force", np.zeros((1, 3), np.float32))
-    far = Episode(seen.header, seen.t, still, None, seen.frames)
-    peaked = Episode(seen.header, seen.t, still, rows, seen.frames)
-    assert verdict_of(far, "ETS101").verdict == "pass"
-    assert verdict_of(peaked, "ETS101").verdict == "inconclusive"
-
-
 def shoved(begin: float, way: float, *, forces: bool = True) -> Episode:
     """A vase slides 16 cm by itself and rests; then a fingertip pushes it on at 1 m/s; 1000 Hz.
 
