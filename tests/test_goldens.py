@@ -42,6 +42,7 @@ def test_goldens() -> None:
             assert_readable(verdict)
 
 
+@pytest.mark.slow
 def test_goldens_of_learned_policies() -> None:
     """Nobody scripted these: they flail, drop and leave things half done, and one cannot be decided."""
     scores = score_paths([LEARNED], [RULES], jobs=1)
@@ -56,6 +57,7 @@ def test_goldens_of_learned_policies() -> None:
             assert_readable(verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "rule", "setting"),
     share([
@@ -78,6 +80,7 @@ def test_another_threshold_flips_the_verdict_without_recording_again(
     assert before.rule_digest != after.rule_digest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "rule", "name", "unit"),
     share([

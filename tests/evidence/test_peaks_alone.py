@@ -63,6 +63,7 @@ def told(episode, rules, *, assigned_only=False):
     return {v.rule: v.verdict for v in found.verdicts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["ish_", "ets_", "fsh_"])
 def test_recordings_without_some_peaks_keep_their_verdicts(part):
     """Those of the pairs with most rows are NaN: nothing here hangs on these."""
@@ -76,6 +77,7 @@ def test_recordings_without_some_peaks_keep_their_verdicts(part):
         assert found == told(episode, rules), ref.episode_id
 
 
+@pytest.mark.slow
 def test_recordings_of_peaks_alone_are_judged_as_those_without_forces():
     rules = load_rules(["ish"])
     for ref in share([ref for ref in discover(TRACES) if "can_under_bottle" in ref.episode_id], 4):

@@ -33,6 +33,7 @@ def alike(episode, way, rules=None):
     assert not changed, (episode.header.episode_id, changed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_recordings(way):
     rules = load_rules([ROOT / "rules"])

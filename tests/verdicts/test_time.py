@@ -177,6 +177,7 @@ def assigned(episode: Episode) -> EpisodeResult:
     return judge(episode, rules(*RULES), assigned_only=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", share(names(), 6, of="moments"))
 def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> None:
     whole = golden(name)
@@ -190,6 +191,7 @@ def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> N
         assert found in (expected, None), frames[:4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", share((name for name in names() if "unsafe" in name), 5))
 def test_what_hides_a_violation_never_passes(name: str) -> None:
     whole = golden(name)
@@ -198,6 +200,7 @@ def test_what_hides_a_violation_never_passes(name: str) -> None:
         assert assigned(cut_out(whole, begin, begin + 2.2)).violation is not False, begin
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", ["ish", "ets", "fsh"])
 def test_a_late_start_and_rare_samples_never_pass(stage: str) -> None:
     for name in share((name for name in names() if name.startswith(stage)), 4):
