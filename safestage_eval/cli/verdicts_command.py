@@ -50,8 +50,8 @@ def command(
 
     With --against or --set, TRACES are judged twice: by --rules, then by --against with --set
     applied. For each flipped verdict the differences between the two are tried one at a time, then
-    in pairs, triples and so on: the smallest set that flips the verdict is named, or up to which
-    size all sets were tried.
+    in pairs: the smallest set that flips the verdict is named. Where no two suffice, those are named
+    that cannot be left out.
 
     With --set and rows.parquet of score --what-if, the what-if table beside it says which verdicts
     flip; only episodes that it does not decide are judged again.

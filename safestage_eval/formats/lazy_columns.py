@@ -30,11 +30,6 @@ class StoredItems(Mapping[K, V]):
             self._loaded[key] = self._load(key)
         return self._loaded[key]
 
-    @property
-    def loaded(self) -> Mapping[K, V]:
-        """The items that were read so far."""
-        return self._loaded
-
     def __contains__(self, key: object) -> bool:
         return key in self._keys
 

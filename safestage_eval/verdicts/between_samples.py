@@ -14,14 +14,14 @@ import numpy as np
 
 from safestage_eval.episode import Clock, Window
 from safestage_eval.evidence.declare import is_gate
-from safestage_eval.evidence.intervals import TINY, Bool, Interval, crisp
+from safestage_eval.evidence.intervals import TINY, Bool, Interval, crisp, exact
 from safestage_eval.evidence.reference import Reference
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.operations import OPERATIONS
 
 from . import computed_signals
 from .events import Scope
-from .language import Language
+from .language import Language, limit_margin
 from .windows import lasting
 
 # ---- events
@@ -144,7 +144,8 @@ def hidden_touch(
             continue
         peak = relations.signal("peak_force", asked.bodies)
         out = relations.may_touch_between(*asked.bodies, coarse)
-        out = out | (coarse & (peak.lower >= asked.limits[0]))
+        reached = limit_margin(exact(peak.lower, peak.dimension), ">=", asked.limits[0], 1.0)
+        out = out | (coarse & reached.possible)
         if out.any():
             first, t = int(out.argmax()), evaluator.episode.t
             evaluator.notes[

@@ -7,6 +7,7 @@ nothing is found out twice.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,6 +33,7 @@ from .language import (
     lacks_its_success,
     limit_margin,
 )
+from .ranges import ROUNDING, Range, Undecided, open_truth
 from .windows import last_of, lasting, widened
 
 __all__ = ["Evaluated", "Evaluator", "Node"]
@@ -106,23 +108,26 @@ class Evaluator(Language):
             frames: (T,) those that matter, all if None: what is costly is measured there alone, and
                 unknown at others.
         """
-        match node:
-            case ast.Condition():
-                return self._all(node, env, kind, frames)
-            case ast.AnyOf():
-                return self._any(node, env, kind, frames)
-            case ast.Event():
-                return self._event(node, env, kind, frames)
-            case ast.SignalAtom():
-                return self._limit(node, env, kind, frames)
-            case ast.StateAtom():
-                only: ClauseKind = "forbid" if node.want else "require"
-                state = self.must_not(node.call, env, only, kind, frames)
-                margin = state.margin if node.want else intervals.opposite(state.margin)
-                return Evaluated(node, env, margin, (state,))
-            case ast.CountAtom():
-                return self._count(node, env, frames)
-        return self.state(node, env, frames)
+        try:
+            match node:
+                case ast.Condition():
+                    return self._all(node, env, kind, frames)
+                case ast.AnyOf():
+                    return self._any(node, env, kind, frames)
+                case ast.Event():
+                    return self._event(node, env, kind, frames)
+                case ast.SignalAtom():
+                    return self._limit(node, env, kind, frames)
+                case ast.StateAtom():
+                    only: ClauseKind = "forbid" if node.want else "require"
+                    state = self.must_not(node.call, env, only, kind, frames)
+                    margin = state.margin if node.want else intervals.opposite(state.margin)
+                    return Evaluated(node, env, margin, (state,))
+                case ast.CountAtom():
+                    return self._count(node, env, frames)
+            return self.state(node, env, frames)
+        except Undecided:
+            return Evaluated(node, env, open_truth(np.ones(self.frames, np.bool_)))
 
     def _all(
         self, node: ast.Condition, env: Env, kind: ClauseKind | None, frames: Bool | None
@@ -264,6 +269,8 @@ class Evaluator(Language):
         self, atom: ast.SignalAtom, env: Env, kind: ClauseKind | None, frames: Bool | None
     ) -> Evaluated:
         asked = self.asked(atom, env)
+        if atom.since is not None and self.ranged(atom):
+            self._since_known(asked, atom.since, env)
         series = self.measured_series(asked, atom, env, frames)
         if kind is not None and self.exempt(asked):
             margin = intervals.crisp(np.full(self.frames, CLAUSES[kind].wanted))
@@ -288,8 +295,16 @@ class Evaluator(Language):
             self.notes[note] = None
         return series
 
+    def _since_known(self, asked: Asked, event: ast.Event, env: Env) -> None:
+        """Raise Undecided where a range changes when an event comes, or that is not known anyway."""
+        if self.ranged(event) or since.reference_of(self, event, env)[1] is not None:
+            _needed_exactly(asked)
+            raise Undecided
+
     def margins(self, series: Interval, atom: ast.SignalAtom, asked: Asked) -> Interval:
         """(N,) of what an atom asks for, from its signal at N frames."""
+        if self.ranges and self.signal(asked.name).capped and _needed_exactly(asked):
+            series = replace(series, lower=series.lower - ROUNDING, upper=series.upper + ROUNDING)
         scale = self.scale(atom.call)
         each = [
             limit_margin(series, limit.op, number, scale)
@@ -333,6 +348,8 @@ class Evaluator(Language):
             return frames
         if state.until is not None:  # it may have held since any frame before
             frames = np.arange(self.frames) < last_of(frames)
+        if self.ranged((state.for_, state.gap)):
+            return None
         lasts, gap = self.window(state.for_), self.open_gap(state.gap)
         reach = lasts.frames + gap.frames - 2
         if reach <= 0:
@@ -386,7 +403,13 @@ class Evaluator(Language):
         """Where the state lasts for long enough; unknown where too few samples, far apart, show it."""
         if state.for_ is None and state.gap is None:
             return raw
-        return between_samples.lasts(self, state, lambda *how: self._lasting(raw, *how))
+        try:
+            return between_samples.lasts(self, state, lambda *how: self._lasting(raw, *how))
+        except Undecided:
+            possible = raw.possible  # a gap may be bridged anywhere
+            if state.gap is not None:
+                possible = np.full(self.frames, possible.any())
+            return open_truth(possible)
 
     def _lasting(self, raw: Interval, state: ast.StateDef, window: Window) -> Interval:
         gap = self.open_gap(state.gap)
@@ -417,6 +440,8 @@ class Evaluator(Language):
         """
         found, state = self.state(call, env, frames), self.rules.states.get(call.name)
         if kind is None or state is None or state.for_ is None or state.until is not None:
+            return found
+        if self.ranged(state.for_):  # what lasts for however long is possible there already
             return found
         if only is not None and CLAUSES[only].breaks != CLAUSES[kind].breaks:
             return found
@@ -486,6 +511,14 @@ class Evaluator(Language):
             return [Moment(0, 0)]
         held = self.state(event.call, env).margin
         return events.ends(held) if event.edge == "end" else events.starts(held)
+
+
+def _needed_exactly(asked: Asked) -> bool:
+    """Note that ranges among the limits stand for more than limits; whether there are any."""
+    over = [limit for limit in asked.limits if isinstance(limit, Range)]
+    for limit in over:
+        limit.seen.exactly = True
+    return bool(over)
 
 
 def _left_open(ends: Sequence[F64], decided: float, frames: Bool | None) -> Bool | None:

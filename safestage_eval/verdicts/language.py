@@ -24,6 +24,7 @@ from safestage_eval.signals import SIGNALS
 
 from .events import Moment
 from .players import Kept, kept
+from .ranges import Range, Undecided
 from .windows import NONE, ONE, lasting
 
 Env = Mapping[str, str]
@@ -91,7 +92,7 @@ class Asked(NamedTuple):
     name: str
     bodies: tuple[str, ...]
     options: Options
-    limits: tuple[float, ...]
+    limits: tuple[float | Range, ...]
     reach: float
 
 
@@ -148,9 +149,11 @@ class Language(ABC):
         """Role → all bodies that play it, for ``at least K role``."""
         self.notes: dict[str, None] = {}
         """On what is being found out, in the order in which they came up."""
+        self.ranges = {name for name, value in params.items() if isinstance(value, Range)}
+        """Names of the parameters that may have any value of a range."""
         self._memo: dict[tuple[Any, ...], Any] = {} if memo is None else memo
         self._read: dict[Any, int] = {}
-        self._limits: Kept[tuple[float, ...]] = {}
+        self._limits: Kept[tuple[float | Range, ...]] = {}
         """Limits that depend on no body, of atoms."""
 
     @property
@@ -159,8 +162,17 @@ class Language(ABC):
         return self.episode.clock
 
     def setting(self, name: str) -> ast.Setting:
-        """The value of a parameter."""
-        return self.params[name]
+        """The value of a parameter; raises Undecided for one that is a range."""
+        value: Any = self.params[name]
+        if isinstance(value, Range):
+            value.seen.exactly = True
+            raise Undecided
+        setting: ast.Setting = value
+        return setting
+
+    def ranged(self, part: object) -> bool:
+        """A part of the rules reads a parameter that is a range."""
+        return bool(self.ranges) and not self.ranges.isdisjoint(parameters_read(self.rules, part))
 
     def duration(self, duration: ast.Duration | ast.Parameter) -> ast.Duration:
         """A duration as it is given under these values."""
@@ -191,8 +203,12 @@ class Language(ABC):
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
 
-    def limit(self, value: ast.Value, env: Env) -> float:
-        """``number``, of what a signal is compared with."""
+    def limit(self, value: ast.Value, env: Env) -> float | Range:
+        """``number``, of what a signal is compared with, which may be a range."""
+        if isinstance(value, ast.Parameter) and value.name in self.ranges:
+            known: Any = self.params[value.name]
+            over: Range = -known if value.negative else known
+            return over
         return self.number(value, env)
 
     def material(self, player: str) -> str:
@@ -226,7 +242,7 @@ class Language(ABC):
         """The measurement behind an atom, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
 
-        def find() -> tuple[float, ...]:
+        def find() -> tuple[float | Range, ...]:
             return tuple([self.limit(limit.value, env) for limit in atom.limits])
 
         of_bodies = any(isinstance(limit.value, ast.Column) for limit in atom.limits)
@@ -378,7 +394,7 @@ def ends_with_success(episode: Episode) -> bool:
     return reached is not None and reached >= episode.t[-1] - 1e-6
 
 
-def limit_margin(series: Interval, op: str, limit: float, scale: float) -> Interval:
+def limit_margin(series: Interval, op: str, limit: float | Range, scale: float) -> Interval:
     """Normalised margin of a comparison: (value − limit) / |limit|, or / scale when it is 0.
 
     Args:
@@ -387,6 +403,8 @@ def limit_margin(series: Interval, op: str, limit: float, scale: float) -> Inter
         limit: SI.
         scale: SI size that counts as one when the limit is 0.
     """
+    if isinstance(limit, Range):
+        return limit.margin(series, op)
     size, up, open_ = abs(limit) or scale, op[0] == ">", len(op) == 1
 
     def margin(end: F64) -> F64:

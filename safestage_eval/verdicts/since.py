@@ -38,7 +38,7 @@ def measured(
     def from_(reference: Reference | None) -> Interval:
         if computed is None:
             return evaluator.relations.signal(
-                name, bodies, reference, reach, frames, options, limits
+                name, bodies, reference, reach, frames, options, tuple(map(float, limits))
             )
         where = frames if reference is None else None
         series = computed_signals.series_of(evaluator, computed, bodies, where)

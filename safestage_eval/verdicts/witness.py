@@ -227,7 +227,7 @@ class _Walk(NamedTuple):
         ]
         i = int(np.argmin(margins)) if len(margins) > 1 else 0
         said = tuple([env.get(arg, arg) for arg in atom.call.args])
-        value, limit = float(series.value[0]), limits[i]
+        value, limit = float(series.value[0]), float(limits[i])
         op = atom.limits[i].op
         direction = 1 if op[0] == ">" else -1
         finite = bool(np.isfinite(value))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import polars as pl
 
@@ -96,9 +96,9 @@ def diff_episode(
     plain = difference(rows.values(), others.values())
     flips = []
     for flip in plain.flips:
-        cause = cause_of(old, new, flip.rule, flip.after)
-        explained = replace(flip, cause=str(cause), causes=cause.parts)
-        flips.append(replace(explained, alternatives=cause.alternatives))
+        causes, more = cause_of(old, new, flip.rule, flip.after)
+        said = " and ".join(causes) + (f" (so would {more} other)" if more else "")
+        flips.append(replace(flip, cause=said, causes=causes, alternatives=more))
     return Judged(tuple(rows.values()), tuple(others.values()), tuple(flips))
 
 
@@ -135,167 +135,114 @@ def diff_table(
     refs = table.traces_of(open_ids)
     judged, failed = each_episode(refs, work, jobs=jobs, progress=progress)
     again = {str(row["episode_id"]) for item in judged for row in item.after}
-    left = sorted(set(open_ids) - again)
-    problems = [
-        *(problem.message for problem in failed),
-        *(f"{name}: not decided by the what-if table, and its trace not found" for name in left),
+    problems = [problem.message for problem in failed]
+    problems += [
+        f"{name}: not decided by the what-if table, and its trace not found"
+        for name in sorted(set(open_ids) - again)
     ]
-    kept = rows.filter(~pl.col("episode_id").is_in(list(again)))
-    old = [*_rows(kept, "verdict"), *(_assigned(row) for item in judged for row in item.before)]
-    new = [*_rows(kept, "new"), *(_assigned(row) for item in judged for row in item.after)]
-    causes = {(flip.episode_id, flip.rule): flip for item in judged for flip in item.flips}
-    plain = difference(filter(None, old), filter(None, new), causes, problems)
     said = " and ".join(f"{name} = {text}" for name, text in settings.items())
-    return replace(plain, flips=tuple(_with_cause(flip, causes, said) for flip in plain.flips))
+    kept = rows.filter(~pl.col("episode_id").is_in(list(again)))
+    flips = {(flip.episode_id, flip.rule): flip for item in judged for flip in item.flips}
+    plain = difference(
+        [
+            *_rows(kept, "verdict", "at_risk"),
+            *(r for i in judged for r in i.before if r["assigned"]),
+        ],
+        [
+            *_rows(kept, "new", "new_at_risk"),
+            *(r for i in judged for r in i.after if r["assigned"]),
+        ],
+        flips,
+        problems,
+    )
+    return replace(
+        plain,
+        flips=tuple(
+            flip
+            if (flip.episode_id, flip.rule) in flips
+            else replace(flip, cause=said, causes=(said,))
+            for flip in plain.flips
+        ),
+    )
 
 
-def _rows(joined: pl.DataFrame, column: str) -> list[dict[str, Any]]:
-    """Result rows, as far as the comparison needs them, with the verdicts of a column."""
-    kept = pl.col("undecided") & pl.lit(column == "new")  # what nobody decided stays as it was
-    risk = "new_at_risk" if column == "new" else "at_risk"
-    rows = joined.with_columns(
-        pl.when(kept).then(pl.col("verdict")).otherwise(pl.col(column)).alias("verdict"),
-        pl.when(kept).then(pl.col("at_risk")).otherwise(pl.col(risk)).alias("risk"),
-    ).select(*COLUMNS, "risk")
-    out = []
-    for row in rows.iter_rows(named=True):
-        verdict = row["verdict"]
-        out.append(
-            row | {
-                "violation": None if verdict in (None, "inconclusive") else verdict == "violation",
-                "instances": row["instances"] if row.pop("risk") else 0,
-            }
-        )  # fmt: skip
-    return out
-
-
-def _assigned(row: dict[str, Any]) -> dict[str, Any] | None:
-    return row if row["assigned"] else None
-
-
-def _with_cause(flip: Flip, causes: Mapping[tuple[str, str], Flip], said: str) -> Flip:
-    explained = (flip.episode_id, flip.rule) in causes
-    return flip if explained else replace(flip, cause=said, causes=(said,))
+def _rows(joined: pl.DataFrame, verdict: str, at_risk: str) -> Iterator[dict[str, Any]]:
+    """Result rows, as far as the comparison needs them; what nobody decided stays as it was."""
+    for row in joined.iter_rows(named=True):
+        found = row["verdict" if row["undecided"] else verdict]
+        there = row["at_risk" if row["undecided"] else at_risk]
+        yield {name: row[name] for name in COLUMNS} | {
+            "verdict": found,
+            "violation": None if found in (None, "inconclusive") else found == "violation",
+            "instances": row["instances"] if there else 0,
+        }
 
 
 # ---- what made a verdict flip
 
-P = TypeVar("P")
-
-MOST = 400
-"""Combinations tried per flip; beyond, a set is found by leaving things out."""
+TOGETHER = 2
+"""So many differences are tried together, in all combinations."""
 
 
-@dataclass(frozen=True)
-class Cause:
-    """A smallest set of differences that flips a verdict.
+def cause_of(before: Again, after: Again, code: str, wanted: str) -> tuple[tuple[str, ...], int]:
+    """A smallest set of differences that takes a rule's verdict from the one to the other.
 
-    Attributes:
-        parts: in words; switching exactly these flips it.
-        alternatives: other sets of this size that flip it as well; as many as were tried.
-        untried: size of the smallest sets that were not all tried; None where no smaller set than
-            this one flips it, and all others of its size were tried.
-    """
-
-    parts: tuple[str, ...]
-    alternatives: int = 0
-    untried: int | None = None
-
-    def __str__(self) -> str:
-        """The differences in words, and the sets that were not tried."""
-        said = " and ".join(self.parts)
-        if self.alternatives:
-            said += f" (so would {self.alternatives} other)"
-        if self.untried is None:
-            return said
-        if self.untried == len(self.parts):
-            return f"{said} (none of fewer; others of {self.untried} were not all tried)"
-        return f"{said} (none can be left out; sets of {self.untried} or more were not all tried)"
-
-
-def cause_of(before: Again, after: Again, code: str, wanted: str) -> Cause:
-    """The smallest set of differences that takes a rule's verdict from the one to the other.
-
-    One difference is switched at a time, then pairs, and so on, up to ``MOST`` combinations.
+    Each is tried alone, then with one other; where no two suffice, all that cannot be left out are named.
 
     Args:
         before: one episode under one rule set.
         after: the same under the other.
         code: of a rule that both have.
         wanted: the verdict afterwards.
+
+    Returns the differences in words, and how many other sets of as many would flip it as well.
     """
-    trial = _Trial(before, after, code)
-    return smallest(trial.parts, lambda chosen: trial.verdict(chosen) == wanted)
+    old, new = (_meaning(side, code) for side in (before, after))
+    parts: list[Part | str] = [*differences(old, new)]
+    if _players(before, code) != _players(after, code):
+        parts.append(PLAYERS)
+    if before.judge.success_time != after.judge.success_time:
+        parts.append(SUCCESS)
 
+    def flips(chosen: Sequence[Part | str]) -> bool:
+        return _verdict(before, after, code, chosen) == wanted
 
-def smallest(parts: Sequence[P], flips: Callable[[Sequence[P]], bool], most: int = MOST) -> Cause:
-    """The smallest set of parts that flips a verdict, and how surely it is the smallest.
-
-    Args:
-        parts: all of them together flip it.
-        flips: whether some do.
-        most: sets that are tried one size after another.
-    """
-    tried = 0
-    for size in range(1, len(parts) + 1):
-        hits: list[Sequence[P]] = []
-        for chosen in itertools.combinations(parts, size):
-            if tried == most:
-                chosen_set = hits[0] if hits else _shrunk(parts, flips)
-                return Cause(_shown(chosen_set), max(0, len(hits) - 1), size)
-            tried += 1
-            if flips(chosen):
-                hits.append(chosen)
+    for size in range(1, TOGETHER + 1):
+        hits = [chosen for chosen in itertools.combinations(parts, size) if flips(chosen)]
         if hits:
-            return Cause(_shown(hits[0]), len(hits) - 1)
-    return Cause(_shown(parts))
+            return tuple(map(str, hits[0])), len(hits) - 1
+    kept = list(parts)
+    for part in parts:
+        fewer = [other for other in kept if other is not part]
+        if flips(fewer):
+            kept = fewer
+    return tuple(map(str, kept)), 0
 
 
-def _shrunk(parts: Sequence[P], flips: Callable[[Sequence[P]], bool]) -> Sequence[P]:
-    """All parts, without those that can be left out, until none can."""
-    kept, before = list(parts), len(parts) + 1
-    while len(kept) < before:
-        before = len(kept)
-        for part in list(kept):
-            fewer = [other for other in kept if other is not part]
-            if fewer and flips(fewer):
-                kept = fewer
-    return kept
+PLAYERS, SUCCESS = "who plays the roles", "when the goal counts as reached"
 
 
-def _shown(parts: Sequence[object]) -> tuple[str, ...]:
-    return tuple(map(str, parts))
+def _meaning(side: Again, code: str) -> Meaning:
+    rule = side.rules.scoped[code]
+    return Meaning(side.rules, rule, side.binding.params(rule))
 
 
-class _Trial:
-    """One rule on one episode, with any of the differences switched."""
+def _players(side: Again, code: str) -> Mapping[str, Sequence[str]]:
+    return side.players(side.rules.scoped[code])
 
-    def __init__(self, before: Again, after: Again, code: str) -> None:
-        self._sides = (before, after)
-        old, new = (side.rules.scoped[code] for side in self._sides)
-        self._old = Meaning(before.rules, old, before.binding.params(old))
-        self._new = Meaning(after.rules, new, after.binding.params(new))
-        self._players = tuple(
-            side.binding.players(rule, side.episode.header)
-            for side, rule in zip(self._sides, (old, new), strict=True)
-        )
-        self.parts: list[Part | str] = [*differences(self._old, self._new)]
-        if self._players[0] != self._players[1]:
-            self.parts.append("who plays the roles")
-        if before.judge.success_time != after.judge.success_time:
-            self.parts.append("when the goal counts as reached")
 
-    def verdict(self, chosen: Sequence[Part | str]) -> str:
-        """The verdict with the chosen differences switched."""
-        meaning = mixed(self._old, self._new, [p for p in chosen if isinstance(p, Part)])
-        rule = meaning.rule
-        roles = {name for name, _ in rule.roles}
-        if any(set(call.args) - roles - GROUPS.keys() for call in calls(rule)):
-            return "senseless"  # an obligation of the one rule with the roles of the other
-        if isinstance(rule, ast.Rule) and not rule.clauses:
-            return "senseless"  # it asks for nothing
-        swapped = "who plays the roles" in chosen
-        bodies = {**self._players[not swapped], **self._players[swapped]}
-        timed = self._sides["when the goal counts as reached" in chosen]
-        players = {name: bodies.get(name, ()) for name in roles}
-        return timed.mixed(self._sides, meaning.rules, rule, meaning.params, players).verdict
+def _verdict(before: Again, after: Again, code: str, chosen: Sequence[Part | str]) -> str | None:
+    """The verdict of a rule on an episode with the chosen differences; None where the rule has no sense."""
+    parts = [part for part in chosen if isinstance(part, Part)]
+    meaning = mixed(_meaning(before, code), _meaning(after, code), parts)
+    rule = meaning.rule
+    roles = {name for name, _ in rule.roles}
+    if any(set(call.args) - roles - GROUPS.keys() for call in calls(rule)):
+        return None  # an obligation of the one rule with the roles of the other
+    if isinstance(rule, ast.Rule) and not rule.clauses:
+        return None  # it asks for nothing
+    sides = (after, before) if PLAYERS in chosen else (before, after)
+    bodies = {**_players(sides[1], code), **_players(sides[0], code)}
+    players = {name: bodies.get(name, ()) for name in roles}
+    timed = after if SUCCESS in chosen else before
+    return timed.mixed((before, after), meaning.rules, rule, meaning.params, players).verdict

@@ -9,30 +9,31 @@ of ``safestage score``: ``rows.parquet`` and ``rows.what-if.parquet``.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
+from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.atomic import writing
-from safestage_eval.rules import RuleSet, load_bind, load_rules
+from safestage_eval.rules import load_rules
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 
 from .each_episode import each_episode
-from .judge_again import Again
-from .swept_values import si_unit
+from .judge_again import Again, again_by
+from .swept_values import si_unit, told_in
 from .value_ranges import all_pieces
 
 SUFFIX = ".what-if.parquet"
-KEY = b"safestage"
+KEY = "safestage"
 """Metadata of the file: by which rules and values it was judged."""
 
 VERDICTS = ("pass", "violation", "inconclusive", "not_applicable")
@@ -57,8 +58,6 @@ KEYS = ["episode_id", "rule"]
 
 NARROW = 1e-4
 """SI; undecided pieces that are no wider, as a distance is measured, are no end of the slack."""
-
-Row = tuple[str, str, str, float, float, "str | None", bool, float, str]
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def write_table(
     """Judge episodes along every parameter and write their what-if table.
 
     Args:
-        output: the Parquet file.
+        output: the Parquet file, sorted by parameter, so that one is read without the others.
         refs: the episodes.
         judging: rules and values.
         params: names of parameters; all that a rule reads if None.
@@ -111,61 +110,32 @@ def write_table(
             "all, or names of parameters",
         )  # fmt: skip
     work = partial(
-        episode_rows,
-        rules=rules,
-        overrides=dict(judging.overrides),
-        bind=None if judging.bind is None else load_bind(judging.bind, rules),
-        params=None if params is None else frozenset(params),
+        _episode_rows,
+        again=again_by(rules, judging.overrides, judging.bind),
+        params=frozenset(rules.params if params is None else params),
     )
     per_episode, problems = each_episode(refs, work, jobs=jobs, progress=progress)
-    save(output, (row for rows in per_episode for row in rows), judging)
+    frame = pl.DataFrame([row for rows in per_episode for row in rows], SCHEMA, orient="row")
+    with writing(output) as temporary:
+        frame.sort("param", "episode_id", "rule", "low").write_parquet(
+            temporary, compression="zstd", row_group_size=20_000,
+            metadata={KEY: json.dumps(asdict(judging))},
+        )  # fmt: skip
     return problems
 
 
-def save(output: Path, rows: Iterable[Row], judging: Judging) -> None:
-    """Write rows, by parameter, so that one parameter is read without the others."""
-    frame = pl.DataFrame(list(rows), schema=SCHEMA, orient="row").sort(
-        "param", "episode_id", "rule", "low"
-    )
-    judged_by = {
-        "rules": list(judging.rules),
-        "overrides": dict(judging.overrides),
-        "bind": judging.bind,
-    }
-    with writing(output) as temporary:
-        frame.write_parquet(
-            temporary, compression="zstd", row_group_size=20_000,
-            metadata={KEY.decode(): json.dumps(judged_by)},
-        )  # fmt: skip
-
-
-def episode_rows(
-    ref: EpisodeRef,
-    *,
-    rules: RuleSet,
-    overrides: Mapping[str, str],
-    bind: BindFile | None,
-    params: frozenset[str] | None,
-) -> list[Row]:
+def _episode_rows(
+    ref: EpisodeRef, *, again: Callable[[Episode], Again], params: frozenset[str]
+) -> list[tuple[Any, ...]]:
     """The rows of one episode: of each assigned rule and each parameter that it reads."""
-    again = Again(ref.open(), rules, overrides, bind)
-    header, out = again.episode.header, list[Row]()
-    for rule in again.assigned:
-        read = parameters_read(rules, rule)
-        values = again.binding.params(rule)
-        pieces = all_pieces(again, rule, sorted(read if params is None else read & params))
-        out += [
-            (
-                param,
-                header.episode_id,
-                rule.code,
-                *piece,
-                amount(values[param]),
-                si_unit(values[param]),
-            )
-            for param in pieces
-            for piece in pieces[param]
-        ]
+    judged, out = again(ref.open()), list[tuple[Any, ...]]()
+    for rule in judged.assigned:
+        values = judged.binding.params(rule)
+        read = sorted(parameters_read(judged.rules, rule) & params)
+        for param, pieces in all_pieces(judged, rule, read).items():
+            held = amount(values[param]), si_unit(values[param])
+            name = judged.episode.header.episode_id
+            out += [(param, name, rule.code, *piece, *held) for piece in pieces]
     return out
 
 
@@ -198,12 +168,12 @@ class FlipTable:
             )
         try:
             self.rows = pl.read_parquet(self.path, columns=list(COLUMNS)).filter("assigned")
-            judged_by = json.loads(pl.read_parquet_metadata(self.beside)[KEY.decode()])
-        except (pl.exceptions.PolarsError, KeyError, ValueError) as error:
+            judged_by = json.loads(pl.read_parquet_metadata(self.beside)[KEY])
+            self.judging = Judging(**judged_by)
+        except (pl.exceptions.PolarsError, KeyError, ValueError, TypeError) as error:
             raise InputError(
                 str(path), f"cannot be read: {error}.", "what safestage score wrote"
             ) from None
-        self.judging = Judging(tuple(judged_by["rules"]), judged_by["overrides"], judged_by["bind"])
 
     def pieces(self, param: str) -> pl.DataFrame:
         """The rows of the what-if table about one parameter."""
@@ -323,10 +293,7 @@ def slack(table: FlipTable, params: Sequence[str] = ()) -> pl.DataFrame:
 
 
 def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = ()) -> pl.DataFrame:
-    """The rows of a what-if table about a parameter, and about values of the kind that are asked for.
-
-    Pieces in seconds do not decide a duration in frames, nor "3 frames @ 120 Hz", which asks for
-    several samples whatever the rate; and none decides a value below 0.
+    """The rows of a what-if table about a parameter, undecided where they do not tell of all the values.
 
     Raises InputError for a parameter that the table is not about.
     """
@@ -336,14 +303,9 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = (
             f"{table.path}, parameter {param}", "its what-if table has no row about it.",
             ", ".join(table.params),
         )  # fmt: skip
-    kinds = {si_unit(value) for value in values}
-    several_samples = any(isinstance(value, ast.Duration) and value.least > 1 for value in values)
-    if several_samples or any(amount(value) < 0 for value in values):
-        kinds.add("another kind")
-    if not kinds:
-        return pieces
-    decides = pl.col("unit").is_in(list(kinds)) & (len(kinds) == 1)
-    return pieces.with_columns(pl.when(decides).then(pl.col("verdict")).alias("verdict"))
+    units = [unit for unit in pieces["unit"].unique() if told_in(values, unit)]
+    told = pl.col("unit").is_in(units)
+    return pieces.with_columns(pl.when(told).then(pl.col("verdict")).alias("verdict"))
 
 
 def _at(value: ast.Setting) -> pl.Expr:

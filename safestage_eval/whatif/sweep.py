@@ -27,7 +27,7 @@ from safestage_eval.verdicts.problem import Problem
 from .each_episode import Progress, each_episode
 from .flip_table import COLUMNS, KEYS, FlipTable, pieces_about, was_at_risk
 from .judge_again import Again, again_by
-from .swept_values import si_unit
+from .swept_values import si_unit, told_in
 from .value_ranges import Piece, all_pieces
 
 FEW = 4
@@ -290,12 +290,11 @@ def _under_each(
     The values at which it changes are found once; only those that they leave open are judged one by
     one.
     """
-    usual, pieces = again.binding.params(rule)[param], list[Piece]()
-    if len(values) > FEW:
+    pieces, out = list[Piece](), list[tuple[str, bool]]()
+    if len(values) > FEW and told_in(values, si_unit(again.binding.params(rule)[param])):
         pieces = all_pieces(again, rule, [param], amount(values[-1]))[param]
-    out = list[tuple[str, bool]]()
     for value in values:
-        piece = next((p for p in pieces if p.holds(value, usual)), None)
+        piece = next((p for p in pieces if p.low <= amount(value) < p.high), None)
         if piece is None or piece.verdict is None:
             out.append(again.judged(rule, {param: value}))
         else:

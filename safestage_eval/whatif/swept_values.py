@@ -99,6 +99,16 @@ def si_unit(value: ast.Setting) -> str:
     return units[0] if units else ""
 
 
+def told_in(values: Sequence[ast.Setting], unit: str) -> bool:
+    """Whether verdicts on ranges in a unit (``si_unit``) tell of all these values.
+
+    Ranges in seconds do not of a duration in frames, nor of "3 frames @ 120 Hz", which asks for several
+    samples whatever the rate; and none do of values below 0.
+    """
+    several = any(isinstance(value, ast.Duration) and value.least > 1 for value in values)
+    return not several and all(si_unit(value) == unit and amount(value) >= 0 for value in values)
+
+
 def unit_name(value: ast.Setting) -> str:
     """The unit that reports print."""
     if isinstance(value, ast.Duration):
