@@ -6,15 +6,20 @@ import tomllib
 
 import numpy as np
 import pytest
+from growing import growing
 from resampled import cut_out, resampled
 from scenes import Scene
 
 from safestage_eval.episode import Episode
+from safestage_eval.monitor import Monitor
 from safestage_eval.rules.check import check
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.ask import ask
+from safestage_eval.whatif.judge_again import Again
+from safestage_eval.whatif.swept_values import like
+from safestage_eval.whatif.value_ranges import all_pieces
 
 FILE = '[ruleset]\nformat = 1\nname = "t"\nversion = "1"\n'
 ONE = '[[rule]]\ncode = "ETS901"\ntitle = "t"\nroles = { a = "object" }\n'
@@ -151,3 +156,40 @@ def test_the_change_of_a_computed_signal_since_an_event() -> None:
     x = episode.track("a").position[:, 0]
     start = int(np.argmax(x >= 1))
     assert found.value == pytest.approx(float(x[-1] - x[start]), rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("condition", "param", "value"),
+    [
+        ('"jerk(a)" = "<= limit"', "limit", "0.5 m/s^3"),
+        ('"smooth(a)" = "<= limit"', "limit", "1"),
+        ('"way(a) since far(a)" = "<= limit"', "limit", "1 m"),
+        ('"share(a)" = "<= limit"', "limit", "0.5 m"),
+        ('"is_far(a)" = "<= 50 %"', "remote", "2 m"),
+        ('"way(a) since far(a)" = "<= 3 m"', "remote", "2 m"),
+        ('"jerk(a)" = "<= 59 cm/s^3"', "window", "0.1 s"),
+    ],
+)
+def test_what_the_table_says_of_computed_signals_is_what_judging_says(condition, param, value):
+    """Of any value of a parameter; and the monitor says of the recorded one what judging says."""
+    episode = cubic(60.0, seconds=3.0)
+    held = value if param == "limit" and " " not in value else f'"{value}"'
+    text = SMOOTH + ALL + ONE + f"require = {{ {condition} }}\n[param]\n{param} = {held}\n"
+    if param == "remote":
+        text = text.replace(">= 1 m", ">= remote")
+    if param == "window":
+        text = text.replace('over = "2 frames @ 15 Hz"', 'over = "window"')
+    found = rules(text)
+    rule, again = found.rules["ETS901"], Again(episode, found)
+    params = again.binding.params(rule)
+    for piece in all_pieces(again, rule, [param])[param]:
+        number = (piece.low + min(piece.high, 10)) / 2
+        if piece.verdict is not None and piece.low < number < piece.high:
+            now = again.judged(rule, {param: like(params[param], number)})
+            assert now == (piece.verdict, piece.at_risk), piece
+    so_far, monitor = growing(episode), Monitor(episode.header, found, assigned_only=False)
+    for frames in range(6, len(episode) + 1, 6):
+        so_far.frames = frames
+        monitor.update(so_far, so_far.success_time)
+    offline = {v.rule: v for v in judge(episode, found).verdicts}["ETS901"]
+    assert (offline.verdict == "violation") == ("ETS901" in monitor.violations)
