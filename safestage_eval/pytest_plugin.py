@@ -84,7 +84,7 @@ def _compared(
     update: bool,
 ) -> list[str]:
     from safestage_eval.report.golden import changes, write_golden
-    from safestage_eval.run.score_many import score_paths
+    from safestage_eval.run.score_traces import score_paths
 
     scores = score_paths(traces, rules, overrides=settings, bind=bind, jobs=jobs)
     if update:

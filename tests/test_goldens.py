@@ -11,7 +11,7 @@ from sampled import share
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.report.golden import changes
 from safestage_eval.rules import load_rules
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 from safestage_eval.verdicts import judge
 
 ROOT = Path(__file__).parent.parent

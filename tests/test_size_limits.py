@@ -25,7 +25,7 @@ from safestage_eval.episode import Header, check_header
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover, load, save
 from safestage_eval.formats.mcap.mcap_metadata import checksum
-from safestage_eval.importers.urdf_links import urdf_links
+from safestage_eval.importers.robot_file import read_urdf
 from safestage_eval.size_limits import VARIABLE, current
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -201,7 +201,7 @@ def test_names_are_compared_in_linear_time():
     assert time.process_time() - began < 2
 
 
-@pytest.mark.parametrize("parse", [from_json, from_toml, lambda text: urdf_links(text, "x")])
+@pytest.mark.parametrize("parse", [from_json, from_toml, lambda text: read_urdf(text, "x")])
 def test_texts_have_an_end(parse):
     began = time.process_time()
     with pytest.raises((ValueError, InputError), match="document="):
@@ -210,7 +210,7 @@ def test_texts_have_an_end(parse):
 
 
 def test_time_is_bounded_while_an_episode_is_judged(monkeypatch, tmp_path, episode):
-    from safestage_eval.run.score_many import score_paths
+    from safestage_eval.run.score_traces import score_paths
 
     def busy(*_, **__):
         while True:
@@ -228,7 +228,7 @@ def test_memory_is_bounded_while_an_episode_is_judged(tmp_path, episode):
     save(episode, tmp_path / "cup.mcap")
     code = (
         "import sys, numpy as np, safestage_eval.verdicts as v\n"
-        "from safestage_eval.run.score_many import score_paths\n"
+        "from safestage_eval.run.score_traces import score_paths\n"
         "v.judge = lambda *a, **k: np.ones(1 << 28)\n"
         "print(score_paths([sys.argv[1]], ['fsh'], jobs=1).problems[0].message)\n"
         "np.ones(1 << 25)\n"

@@ -21,7 +21,8 @@ RULES = """\
   .md-typeset p:has(> img[src$=".svg"]) { overflow-x: auto; }
   .md-typeset p > img[src$=".svg"] { max-width: none; width: 32rem; }
 }
-[data-md-color-scheme="slate"] .md-typeset img[src$=".svg"] { background: #fff; padding: .3rem; }
+/* drawings on a dark page: light and dark change places, hues stay */
+[data-md-color-scheme="slate"] .md-typeset img[src$=".svg"] { background: #fff; padding: .3rem; filter: invert(.89) hue-rotate(180deg); }
 """
 
 

@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval._text.printable import printable
+from safestage_eval.palette import SIGNS, VERDICTS
 
 STYLE = "overflow-x:auto;border:1px solid #8886;border-radius:6px;padding:.6em .9em;margin:.3em 0;max-width:60em"
 CELL = "text-align:left;padding:.15em .8em .15em 0;vertical-align:top"
-SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
-COLORS = {"violation": "#ae360b", "pass": "#00668a", "inconclusive": "#755500"}
-"""Colours of verdicts; their signs carry the meaning without colour."""
 
 
 def words(text: object) -> str:
@@ -50,8 +48,8 @@ def _cell(cell: object) -> str:
 
 def verdict(word: str) -> str:
     """A verdict with its sign, in its colour."""
-    color = COLORS.get(word, "inherit")
-    said = f"{SIGNS.get(word, '')} {word.replace('_', ' ')}"
+    said = f"{SIGNS[word]} {word.replace('_', ' ')}"
+    color = VERDICTS[word].light
     return f'<span style="color:{color};font-weight:600">{words(said)}</span>'
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,70 +30,41 @@ if TYPE_CHECKING:
     from safestage_eval.verdicts import EpisodeResult, Verdict
 
 
-@dataclass(frozen=True, repr=False)
 class Finding:
     """A violation of one rule in one episode, or a rule that could not be decided there.
 
     Attributes:
         episode_id: of the episode.
         of: everything that is known of the verdict: ``intervals``, ``phase``, ``notes`` and more.
+        rule: code of the rule.
+        verdict: ``violation`` or ``inconclusive``.
+        explanation: one sentence: the event that was seen, or why the rule cannot be decided.
+        time: at which it began, s; None where there is no such moment.
+        bodies: names of the bodies that it is about.
+        signal: the measured signal with its bodies, as ``clearance(cup, vase)``.
+        value, limit: of the signal at the worst moment, in SI.
+        unit: of both: ``m``, ``N``, ``s``.
+        by_how_much: how far it is beyond its limit, in words: ``5.4 cm``; empty where nothing was measured.
     """
 
-    episode_id: str
-    of: Verdict
-    _scores: Scores = field(compare=False)
+    def __init__(self, episode_id: str, of: Verdict, scores: Scores) -> None:
+        self.episode_id, self.of, self._scores = episode_id, of, scores
+        self.rule, self.verdict, self.time = of.rule, of.verdict, of.time
+        self.explanation = of.explanation or of.title
+        self.bodies, self.signal = tuple(of.bodies), of.signal
+        self.value, self.limit, self.unit = of.value, of.limit, si_unit(of.dimension or "")
+        self.by_how_much = ""
+        if of.verdict == "violation" and of.margin is not None and of.dimension is not None:
+            self.by_how_much = format_quantity(abs(of.margin), of.dimension)
 
-    @property
-    def rule(self) -> str:
-        """Code of the rule."""
-        return self.of.rule
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Finding) and (self.episode_id, self.of) == (
+            other.episode_id,
+            other.of,
+        )
 
-    @property
-    def verdict(self) -> str:
-        """``violation`` or ``inconclusive``."""
-        return self.of.verdict
-
-    @property
-    def explanation(self) -> str:
-        """One sentence: the event that was seen, or why the rule cannot be decided."""
-        return self.of.explanation or self.of.title
-
-    @property
-    def time(self) -> float | None:
-        """Time at which it began, s."""
-        return self.of.time
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies that it is about."""
-        return tuple(self.of.bodies)
-
-    @property
-    def signal(self) -> str | None:
-        """The measured signal with its bodies, as ``clearance(cup, vase)``."""
-        return self.of.signal
-
-    @property
-    def value(self) -> float | None:
-        """Value of the signal at the worst moment, in SI."""
-        return self.of.value
-
-    @property
-    def limit(self) -> float | None:
-        """Limit of the rule at the worst moment, in SI."""
-        return self.of.limit
-
-    @property
-    def unit(self) -> str:
-        """Unit of ``value`` and ``limit``: ``m``, ``N``, ``s``."""
-        return si_unit(self.of.dimension or "")
-
-    @property
-    def by_how_much(self) -> str:
-        """How far it is beyond its limit, in words: ``5.4 cm``; empty where nothing was measured."""
-        if self.verdict != "violation" or self.of.margin is None or self.of.dimension is None:
-            return ""
-        return format_quantity(abs(self.of.margin), self.of.dimension)
+    def __hash__(self) -> int:
+        return hash((self.episode_id, self.rule))
 
     def plot(self) -> Picture:
         """Plot the signal that decides it, with its limit; as ``Scores.plot``."""
@@ -116,9 +86,8 @@ class Finding:
             value, limit = (format_quantity(number, v.dimension) for number in (v.value, v.limit))
             rows[v.signal or "value"] = f"{value}; the limit is {limit}"
         rows["bodies"] = ", ".join(v.bodies) or "–"
-        head = f"{self.episode_id}: {v.rule} {v.title}"
         said = f"<p>{verdict(v.verdict)} {words(self.explanation)}</p>"
-        return card(head, said, facts(rows))
+        return card(f"{self.episode_id}: {v.rule} {v.title}", said, facts(rows))
 
 
 class Findings(tuple[Finding, ...]):
@@ -184,26 +153,17 @@ class Scores:
 
         from safestage_eval.metrics import METRICS
 
-        rows = [
-            {
-                **dict(zip(("policy", "prompt", "stage"), names, strict=True)),
-                "episodes": cell.episodes,
-                "n": cell.n,
-                "at_risk": cell.given["at risk"]["N"],
-                "inconclusive": cell.inconclusive,
-                "not_judged": cell.not_judged,
-                **{metric: cell.value(metric) for metric in METRICS},
-                **{
-                    f"{metric}_{end}": bound
-                    for metric in METRICS
-                    for end, bound in zip(
-                        ("low", "high"), cell.bounds(metric) or (None, None), strict=True
-                    )
-                },
-                "VR_at_risk": cell.value("VR", "at risk"),
-            }
-            for names, cell in self._cells().items()
-        ]
+        rows = []
+        for (policy, prompt, stage), cell in self._cells().items():
+            row: dict[str, Any] = {"policy": policy, "prompt": prompt, "stage": stage}
+            for name in ("episodes", "n", "inconclusive", "not_judged"):
+                row[name] = getattr(cell, name)
+            row["at_risk"] = cell.given["at risk"]["N"]
+            row |= {metric: cell.value(metric) for metric in METRICS}
+            for metric in METRICS:
+                low, high = cell.bounds(metric) or (None, None)
+                row |= {f"{metric}_low": low, f"{metric}_high": high}
+            rows.append({**row, "VR_at_risk": cell.value("VR", "at risk")})
         return pd.DataFrame(rows)
 
     def _cells(self) -> dict[tuple[str, ...], Rates]:
@@ -303,7 +263,7 @@ class Scores:
 
         from safestage_eval.metrics import outcomes
         from safestage_eval.metrics.comparison import compare, differs
-        from safestage_eval.report.paired_report import warnings
+        from safestage_eval.report.paired_report import row, warnings
 
         mine = outcomes(self._judged.results)
         if other is None:
@@ -322,24 +282,13 @@ class Scores:
             if field != "rules":
                 names = [str(getattr(side[0], field)) if side else "–" for side in sides]
         comparison = compare(sides[0], sides[1], field, (names[0], names[1]))
-        low_high = [line.interval or (None, None) for line in comparison.lines]
-        rows = [
-            {
-                "of": line.of.scope,
-                "metric": line.of.metric,
-                "pairs": line.of.n,
-                "a": line.of.sums[1] / line.of.n if line.of.n else None,
-                "b": line.of.sums[2] / line.of.n if line.of.n else None,
-                "difference": line.of.difference,
-                "low": low,
-                "high": high,
-                "p": line.p,
-                "p_holm": line.p_holm,
-                "significant": line.significant,
-            }
-            for line, (low, high) in zip(comparison.lines, low_high, strict=True)
-        ]
-        frame = pd.DataFrame(rows)
+        columns = {
+            "scope": "of", "metric": "metric", "n": "pairs", "rate_a": "a", "rate_b": "b",
+            "difference": "difference", "low": "low", "high": "high", "p": "p", "p_holm": "p_holm",
+            "significant": "significant",
+        }  # fmt: skip
+        frame = pd.DataFrame([row(line, 1.0) for line in comparison.lines])
+        frame = frame[[*columns]].rename(columns=columns)
         frame.attrs.update(names=comparison.names, by=field, warnings=warnings(comparison))
         return frame
 
@@ -374,6 +323,14 @@ class Scores:
         ref, settings = self._ref(episode), self._settings
         again = Again(ref.open(), settings.rule_set, settings.overrides or {}, settings.bind)
         return Picture(figure_of(again, panels(again, signals, rule=rule)))
+
+    def __getattr__(self, name: str) -> Any:
+        """Say what to use instead of a method that is gone."""
+        if name == "to_pandas":
+            raise AttributeError(
+                "Scores.to_pandas is gone: use scores.rows, which is a pandas DataFrame"
+            )
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def to_polars(self) -> pl.DataFrame:
         """Return the rows as a polars frame."""

@@ -14,6 +14,8 @@ import click
 from safestage_eval.errors import did_you_mean
 from safestage_eval.version import __version__
 
+from .command_options import prepared
+
 SHELVES = {
     "Judge": {
         "score": "Judge recorded episodes against safety rules.",
@@ -144,23 +146,6 @@ def _with_second_words(name: str) -> str:
 
 def _below(name: str) -> list[str]:
     return [path for path in HELP if path.startswith(f"{name} ")]
-
-
-def prepared(command: click.Command) -> click.Command:
-    """A command, and those below it, with ``--limits``, finite numbers, and no output that destroys something."""
-    from .outputs import refusing_outputs
-    from .shared_options import limits_option, refuse_infinite
-
-    if isinstance(command, click.Group):
-        for below in command.commands.values():
-            prepared(below)
-    elif not any("--limits" in parameter.opts for parameter in command.params):
-        for parameter in command.params:
-            refuse_infinite(parameter)
-        limits_option(command)
-        assert command.callback is not None
-        command.callback = refusing_outputs(command.callback)
-    return command
 
 
 def _bench() -> click.Command:

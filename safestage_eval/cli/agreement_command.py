@@ -6,28 +6,26 @@ from pathlib import Path
 
 import click
 
-from .shared_options import format_option, output_option, written
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import written
+from .shared_options import format_option, output_option
 from .terminal import say
 
 
-@click.command("agreement")
-@click.argument("labels", nargs=-1, required=True, metavar="LABELS...")
-@click.option(
-    "--results", type=click.Path(), required=True, multiple=True, metavar="RESULTS",
-    help="Read verdicts from a file that score wrote. Repeatable.",
-)  # fmt: skip
-@click.option(
-    "--reviewer", multiple=True, metavar="NAME", help="Use only this reviewer's labels. Repeatable."
-)
-@format_option("table", "json", "csv")
-@output_option
+@make("agreement")
 def command(
-    labels: tuple[str, ...],
-    results: tuple[str, ...],
-    reviewer: tuple[str, ...],
-    form: str,
-    output: Path | None,
-) -> None:
+    labels: tuple[str, ...] = argument("LABELS...", required=True),
+    results: tuple[str, ...] = option(
+        "Read verdicts from a file that score wrote. Repeatable.",
+        of=click.Path(), required=True, metavar="RESULTS",
+    ),
+    reviewer: tuple[str, ...] = option(
+        "Use only this reviewer's labels. Repeatable.", metavar="NAME"
+    ),
+    form: str = format_option("table", "json", "csv"),
+    output: Path | None = output_option,
+) -> None:  # fmt: skip
     """Compare verdicts with labels by people.
 
     LABELS are tables (CSV, Parquet, JSON) with the columns episode_id and label, which is safe,
@@ -52,18 +50,14 @@ def command(
     given = [
         label for path in labels for label in read_labels(path, Path(path).stem if several else "")
     ]
-    if reviewer:
-        reviewers = sorted({label.reviewer for label in given})
-        for name in reviewer:
-            if name not in reviewers:
-                raise InputError(f"--reviewer {name}", "no label is theirs.", ", ".join(reviewers))
-        given = [label for label in given if label.reviewer in reviewer]
+    reviewers = sorted({label.reviewer for label in given})
+    for name in reviewer:
+        if name not in reviewers:
+            raise InputError(f"--reviewer {name}", "no label is theirs.", ", ".join(reviewers))
+    given = [label for label in given if not reviewer or label.reviewer in reviewer]
     result = agreement(given, read_outcomes(results, wanted=FOR_LABELS)[""])
     written(render(result, form), output)
-    if form == "csv":
-        for missing, names in (
-            ("labels without a result", result.only_labels),
-            ("results without a label", result.only_results),
-        ):
-            if names:
-                say(f"{missing}: {len(names)}", err=True)
+    if form == "csv" and result.only_labels:
+        say(f"labels without a result: {len(result.only_labels)}", err=True)
+    if form == "csv" and result.only_results:
+        say(f"results without a label: {len(result.only_results)}", err=True)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,64 +10,46 @@ import click
 
 from safestage_eval._text.plural import count
 
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import written
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     format_option,
+    jobs_option,
     output_option,
     pairs,
-    progress,
-    say_problems,
     selected,
-    wants_color,
     where_option,
-    written,
 )
-from .terminal import say
+from .terminal import progress, say, say_problems, table_looks
 
 if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
 
 
-@click.command("audit")
-@click.argument("traces", nargs=-1, metavar="TRACES...")
-@rule_options(roles=True, values=False)
-@format_option("table", "json", "junit", "github", "sarif")
-@output_option
-@where_option
-@click.option(
-    "--select", multiple=True, metavar="CODES",
-    help="Carry out these checks alone: codes, or how they begin (AUD1), with commas. Repeatable.",
-)  # fmt: skip
-@click.option(
-    "--ignore", multiple=True, metavar="CODES", help="Leave these checks out. Repeatable."
-)
-@click.option(
-    "--fail-on", type=click.Choice(("error", "warning", "never")), default="error",
-    show_default=True, help="Exit 1 if anything is as grave as this.",
-)  # fmt: skip
-@click.option(
-    "--files", is_flag=True,
-    help="Say of each file whether it is whole and as it was written, with its hash; nothing else.",
-)  # fmt: skip
-@click.option("--explain", metavar="CODE", help="Explain a check, and do nothing else.")
-@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
-@click.option("--verbose", "-v", is_flag=True, help="In the table: write every finding out.")
-@click.pass_context
+@make("audit")
 def command(
-    ctx: click.Context,
-    traces: tuple[str, ...],
-    by: RuleChoice,
-    form: str,
-    output: Path | None,
-    where: tuple[str, ...],
-    select: tuple[str, ...],
-    ignore: tuple[str, ...],
-    fail_on: str,
-    files: bool,
-    explain: str | None,
-    jobs: int | None,
-    verbose: bool,
-) -> None:
+    traces: tuple[str, ...] = argument("TRACES..."),
+    by: RuleChoice = rule_options(roles=True, values=False),
+    form: str = format_option("table", "json", "junit", "github", "sarif"),
+    output: Path | None = output_option,
+    where: tuple[str, ...] = where_option,
+    select: tuple[str, ...] = option(
+        "Carry out these checks alone: codes, or how they begin (AUD1), with commas. Repeatable.",
+        metavar="CODES",
+    ),
+    ignore: tuple[str, ...] = option("Leave these checks out. Repeatable.", metavar="CODES"),
+    fail_on: str = option(
+        "Exit 1 if anything is as grave as this.", of=("error", "warning", "never"), default="error"
+    ),
+    files: bool = option(
+        "Say of each file whether it is whole and as it was written, with its hash; nothing else."
+    ),
+    explain: str | None = option("Explain a check, and do nothing else.", metavar="CODE"),
+    jobs: int | None = jobs_option,
+    verbose: bool = option("In the table: write every finding out.", "-v"),
+) -> int:
     """Say whether recordings, their scenes and the evaluation they make are sound.
 
     Finds centimetres for metres, milliseconds for seconds, holes, quaternions in another order,
@@ -93,36 +73,27 @@ def command(
     read (the other episodes are audited all the same).
     """
     from safestage_eval.audit import audit, choose
-    from safestage_eval.report import audit_report, results_text
+    from safestage_eval.report import audit_report
 
     if explain is not None:
         written("\n".join(map(audit_report.explain, choose([explain]))), output)
-        return
+        return 0
     if not traces:
         raise click.UsageError("Missing argument 'TRACES...'.")
     if files:
-        ctx.exit(0 if _whole(traces, where, by) else 2)
+        return 0 if _whole(traces, where, by) else 2
     with progress("auditing") as tell:
         result = audit(
-            traces,
-            by.rules,
-            bind=by.bind,
-            assign=by.assign,
-            roles=by.roles,
-            protect=by.protect,
-            where=pairs(where, "--where"),
-            select=_codes(select),
-            ignore=_codes(ignore),
-            jobs=jobs,
+            traces, by.rules, bind=by.bind, assign=by.assign, roles=by.roles, protect=by.protect,
+            where=pairs(where, "--where"), select=_codes(select), ignore=_codes(ignore), jobs=jobs,
             progress=tell,
-        )
-    width = None if output else shutil.get_terminal_size((results_text.WIDTH, 24)).columns
-    color = output is None and wants_color(sys.stdout)
-    written(audit_report.render(result, form, width=width, color=color, everything=verbose), output)
+        )  # fmt: skip
+    looks = table_looks(output)
+    written(audit_report.render(result, form, everything=verbose, **looks), output)
     if form != "table" or output is not None:
         say_problems(result.problems)
         say(audit_report.headline(result), err=True)
-    ctx.exit(2 if result.problems else 1 if result.fails(fail_on) else 0)
+    return 2 if result.problems else 1 if result.fails(fail_on) else 0
 
 
 def _whole(traces: tuple[str, ...], where: tuple[str, ...], by: RuleChoice) -> bool:
@@ -146,9 +117,8 @@ def _whole(traces: tuple[str, ...], where: tuple[str, ...], by: RuleChoice) -> b
             if not problems:
                 try:
                     header = ref.open().header
-                    warnings = bind_episode(
-                        settings.rule_set, header, bind=settings.bind
-                    ).warnings()
+                    bound = bind_episode(settings.rule_set, header, bind=settings.bind)
+                    warnings = list(bound.warnings())
                 except RuleError as error:
                     warnings = [str(error)]
                 for warning in warnings:

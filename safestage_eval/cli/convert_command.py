@@ -2,55 +2,48 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
+from safestage_eval.errors import InputError
+
+from .command_options import command as make
+from .command_options import option
 from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import (
-    progress,
-    selected,
-    traces_argument,
-    where_option,
-)
-from .terminal import say
+from .shared_options import selected, traces_argument, where_option
+from .terminal import progress, say
 
 SINGLE = (".mcap", ".rrd")
 """Endings of files that hold one episode."""
 
 
-@click.command("convert")
-@traces_argument
-@click.option(
-    "--to", "form", type=click.Choice(["parquet", "mcap", "rrd"]), required=True,
-    help="Write this format; rrd is Rerun's, to be looked at, and no trace.",
-)  # fmt: skip
-@click.option(
-    "--out", "-o", "out", type=Output("mcap", "rrd", folder=True, stream=False), required=True,
-    help="Write to this folder: a dataset for parquet, one file per episode for mcap and rrd; or a "
-    "single episode to this .mcap or .rrd file.",
-)  # fmt: skip
-@click.option(
-    "--force",
-    is_flag=True,
-    help="Replace MCAP and Rerun files that are there already, the same ones too.",
-)
-@click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
-@click.option(
-    "--events/--no-events", default=True, show_default=True,
-    help="Write verdicts into MCAP and Rerun files as events on the timeline.",
-)  # fmt: skip
-@rule_options()
-@where_option
-@click.pass_context
+@make("convert")
 def command(
-    ctx: click.Context, traces: tuple[str, ...], form: str, out: Path, force: bool, recover: bool,
-    events: bool, by: RuleChoice, where: tuple[str, ...],
-) -> None:  # fmt: skip
+    traces: tuple[str, ...] = traces_argument,
+    form: str = option(
+        "Write this format; rrd is Rerun's, to be looked at, and no trace.",
+        "--to", of=("parquet", "mcap", "rrd"), required=True,
+    ),
+    out: Path = option(
+        "Write to this folder: a dataset for parquet, one file per episode for mcap and rrd; or a "
+        "single episode to this .mcap or .rrd file.",
+        "-o", of=Output("mcap", "rrd", folder=True, stream=False), required=True,
+    ),
+    force: bool = option(
+        "Replace MCAP and Rerun files that are there already, the same ones too."
+    ),
+    recover: bool = option("Keep the whole frames of a truncated MCAP file."),
+    events: bool = option(
+        "Write verdicts into MCAP and Rerun files as events on the timeline.",
+        "--events/--no-events", default=True, show_default=True,
+    ),
+    by: RuleChoice = rule_options(),
+    where: tuple[str, ...] = where_option,
+) -> int:  # fmt: skip
     """Copy episodes into another format, losslessly.
 
     The sources are never changed. Every copy is read back and its content compared by hash, which
@@ -72,9 +65,7 @@ def command(
       safestage convert traces/ --where stage=FSH --to rrd --out looks/
       safestage convert cut-off.mcap --recover --to mcap --out rescued.mcap
     """
-    from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
-    from safestage_eval.formats.atomic import is_stream
 
     refs = selected(traces, where) if where else discover(list(traces))
     if out.suffix in SINGLE and (out.suffix != f".{form}" or len(refs) > 1):
@@ -87,111 +78,113 @@ def command(
         from safestage_eval.viewer.rerun_recording import require_rerun
 
         require_rerun()
-    look = None
-    if form != "parquet" and events:
-        look = _judge(by, curves=form == "rrd")
-    elif by:
+    if by and (form == "parquet" or not events):
         raise click.UsageError("--rules, --bind and --set are for the events of --to mcap and rrd")
-    sources = {_identity(ref.path) for ref in refs} - {None}
-    there = _hashes(out) if form == "parquet" else {}
-    written: set[Path] = set()
-    failed = 0
+    look = _judge(by, curves=form == "rrd") if events and form != "parquet" else None
+    copies, failed = _Copies(form, out, [ref.path for ref in refs], force=force), 0
     with progress("converting") as tell:
         for done, ref in enumerate(refs, 1):
             try:
                 episode = ref.open(recover=recover)
-                name = episode.header.episode_id
-                if there.get(name) == episode.content_hash:
-                    say(f"{episode.content_hash}  {name}  there already")
-                    continue
-                target = out if form == "parquet" else _file_for(name, out, form)
-                if name in there:
-                    raise InputError(str(out), f"holds another episode {name!r}.", fix="--out")
-                if is_stream(target):
-                    raise InputError(
-                        str(target), "is neither a file nor a folder.", fix="another --out"
-                    )
-                if _identity(target) in sources:
-                    raise InputError(
-                        str(target), "the copy would replace its source.", fix="another --out"
-                    )
-                if form == "mcap" and _is_there(episode, target, written, force=force):
-                    say(f"{episode.content_hash}  {name}  there already")
-                    continue
-                if form == "rrd" and (target in written or (target.exists() and not force)):
-                    raise InputError(str(target), "is there already.", fix="--force replaces it")
-                judged = look(episode) if look else ((), ())
-                copy = _copied(episode, target, form, judged)
-                written.add(target)
-                say(f"{episode.content_hash}  {name}  {copy}")
+                copied = copies.add(episode, look)
+                say(f"{episode.content_hash}  {episode.header.episode_id}  {copied}")
             except InputError as error:
                 failed += 1
                 say(f"problem: {error}", err=True)
-            finally:
-                if tell is not None:
-                    tell(done, len(refs))
-    ctx.exit(2 if failed else 0)
-
-
-def _identity(path: Path) -> tuple[int, int] | None:
-    """The same for all names of a file; None of what is not here."""
-    try:
-        status = Path(os.fspath(path)).stat()  # of a path in a store: nothing
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
-
-
-def _hashes(folder: Path) -> dict[str, str | None]:
-    """Id → content hash of the episodes that are in a folder already."""
-    from safestage_eval.formats import discover
-
-    if not folder.is_dir():
-        return {}
-    return {ref.episode_id: ref.content_hash for ref in discover([folder], maybe_none=True)}
-
-
-def _file_for(name: str, out: Path, form: str) -> Path:
-    """The MCAP or Rerun file of an episode."""
-    from safestage_eval.formats.save import mcap_name
-
-    named = (out / mcap_name(name)).with_suffix(f".{form}")
-    return out if out.suffix in SINGLE else named
-
-
-def _is_there(episode: Any, target: Path, written: set[Path], *, force: bool) -> bool:
-    """Whether a file holds this very episode, whole. Raises InputError where it may not be written."""
-    from safestage_eval.errors import InputError
-    from safestage_eval.formats import load
-
-    if target in written:
-        raise InputError(
-            str(target), "two episodes would go to this file.", fix="convert one alone"
-        )
-    if not target.exists() or force:
-        return False
-    try:
-        same = load(target).content_hash == episode.content_hash
-    except InputError as error:
-        raise InputError(
-            str(target), f"is there already, and not whole: {error.what}",
-            fix="--force replaces it",
-        ) from None  # fmt: skip
-    if not same:
-        raise InputError(
-            str(target), "is there already, with another content.", fix="--force replaces it"
-        )
-    written.add(target)
-    return True
+            if tell is not None:
+                tell(done, len(refs))
+    return 2 if failed else 0
 
 
 Judged = tuple[Sequence[Any], Sequence[Any]]
 """Verdicts for a viewer's copy of an episode: events, and the deciding signals."""
 
+Look = Callable[[Any], Judged]
 
-def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
+
+class _Copies:
+    """Writes copies where nothing else is, and says of each where it is."""
+
+    def __init__(self, form: str, out: Path, sources: Sequence[Path], *, force: bool) -> None:
+        from safestage_eval.formats import discover
+
+        self._form, self._out, self._force = form, out, force
+        self._sources = {_identity(path) for path in sources} - {None}
+        self._written: set[Path] = set()
+        self._there: dict[str, str | None] = {}
+        if form == "parquet" and out.is_dir():
+            there = discover([out], maybe_none=True)
+            self._there = {ref.episode_id: ref.content_hash for ref in there}
+
+    def add(self, episode: Any, look: Look | None) -> str:
+        """Where the copy of an episode is now. Raises InputError where it may not be written."""
+        from safestage_eval.formats.atomic import is_stream
+        from safestage_eval.formats.save import mcap_name
+
+        name, target = episode.header.episode_id, self._out
+        if self._form == "parquet":
+            if self._there.get(name) == episode.content_hash:
+                return "there already"
+            if name in self._there:
+                raise InputError(str(target), f"holds another episode {name!r}.", fix="--out")
+        elif target.suffix not in SINGLE:
+            target = (target / mcap_name(name)).with_suffix(f".{self._form}")
+        if is_stream(target):
+            raise InputError(str(target), "is neither a file nor a folder.", fix="another --out")
+        if _identity(target) in self._sources:
+            raise InputError(str(target), "the copy would replace its source.", fix="another --out")
+        if target in self._written:
+            raise InputError(
+                str(target), "two episodes would go to this file.", fix="convert one alone"
+            )
+        if self._form != "parquet":
+            self._written.add(target)
+            if target.exists() and not self._force:
+                return self._found(episode, target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        return str(self._copied(episode, target, look(episode) if look else ((), ())))
+
+    def _found(self, episode: Any, target: Path) -> str:
+        """Raises InputError unless a file holds this very episode, whole."""
+        from safestage_eval.formats import load
+
+        why = "is there already."
+        if self._form == "mcap":
+            try:
+                if load(target).content_hash == episode.content_hash:
+                    return "there already"
+                why = "is there already, with another content."
+            except InputError as error:
+                why = f"is there already, and not whole: {error.what}"
+        raise InputError(str(target), why, fix="--force replaces it")
+
+    def _copied(self, episode: Any, target: Path, judged: Judged) -> Path:
+        """Write, read back and compare."""
+        from safestage_eval.formats import save
+
+        if self._form == "rrd":
+            from safestage_eval.viewer.rerun_recording import write_rerun
+
+            write_rerun(episode, *judged, target)
+            return target
+        copy = save(episode, target, "mcap" if self._form == "mcap" else "parquet", judged[0])
+        if copy.open().content_hash != episode.content_hash:
+            what = "the copy differs from its source."
+            raise InputError(str(copy.path), what, fix="report this bug")
+        return copy.path
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """The same for all names of a file; None of what is not here."""
+    try:
+        status = Path(str(path)).stat()  # of a path in a store: nothing
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _judge(by: RuleChoice, *, curves: bool) -> Look:
     """Verdicts on an episode, as events, and as ``curves`` with limits."""
-    from safestage_eval.errors import InputError
     from safestage_eval.report.episode_report import events
     from safestage_eval.report.signal_plot import panels
     from safestage_eval.rules import parse_overrides
@@ -216,20 +209,3 @@ def _judge(by: RuleChoice, *, curves: bool) -> Callable[[Any], Judged]:
         return remarks, drawn
 
     return look
-
-
-def _copied(episode: Any, target: Path, form: str, judged: Judged) -> Path:
-    """Write, read back and compare; returns the file."""
-    from safestage_eval.errors import InputError
-    from safestage_eval.formats import save
-
-    target.parent.mkdir(parents=True, exist_ok=True)
-    if form == "rrd":
-        from safestage_eval.viewer.rerun_recording import write_rerun
-
-        write_rerun(episode, *judged, target)
-        return target
-    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", judged[0])
-    if copy.open().content_hash != episode.content_hash:
-        raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
-    return copy.path

@@ -2,36 +2,22 @@
 
 from __future__ import annotations
 
-import click
-
+from .command_options import command as make
+from .command_options import option
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import (
-    chosen_ref,
-    episode_argument,
-    episode_option,
-    waiting,
-)
-from .terminal import say_lines
+from .shared_options import chosen_ref, episode_argument, episode_option
+from .terminal import say_lines, waiting
 
 
-@click.command("explain")
-@click.argument("trace")
-@episode_argument
-@episode_option
-@rule_options(roles=True)
-@click.option(
-    "--all",
-    "-a",
-    "everything",
-    is_flag=True,
-    help="Show all rules, with bindings, stretches and every unknown value.",
-)
+@make("explain")
 def command(
     trace: str,
-    name: str | None,
-    episode: str | None,
-    by: RuleChoice,
-    everything: bool,
+    name: str | None = episode_argument,
+    episode: str | None = episode_option,
+    by: RuleChoice = rule_options(roles=True),
+    everything: bool = option(
+        "Show all rules, with bindings, stretches and every unknown value.", "--all", "-a"
+    ),
 ) -> None:
     """Say why an episode got its verdicts: violations, and the rules assigned to it.
 

@@ -4,28 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 from safestage_eval._text.plural import count
 
-from .outputs import Output
-from .shared_options import (
-    selected,
-    traces_argument,
-    where_option,
-    written,
-)
+from .command_options import command as make
+from .command_options import option
+from .outputs import Output, written
+from .shared_options import selected, traces_argument, where_option
 from .terminal import say
 
 
-@click.command("guess")
-@traces_argument
-@click.option("--output", "-o", type=Output("toml"), help="Write to this file instead of stdout.")
-@where_option
+@make("guess")
 def command(
-    traces: tuple[str, ...],
-    output: Path | None,
-    where: tuple[str, ...],
+    traces: tuple[str, ...] = traces_argument,
+    output: Path | None = option("Write to this file instead of stdout.", "-o", of=Output("toml")),
+    where: tuple[str, ...] = where_option,
 ) -> None:
     """Guess what headers leave open: roles, up axes, fingers, materials and tags.
 

@@ -11,10 +11,11 @@ import click
 
 from safestage_eval.units import LONGEST, finite
 
-from .outputs import Output
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import Output, written
 from .rule_choice import rules_option
-from .shared_options import progress, say_problems
-from .terminal import say, say_lines
+from .terminal import progress, say, say_lines, say_problems
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,81 +24,69 @@ if TYPE_CHECKING:
     from safestage_eval.importers.import_episode import Failed
     from safestage_eval.importers.map_mistakes import Notice
 
+FOLDER = click.Path(path_type=Path, exists=True, file_okay=False)
+FILE = click.Path(path_type=Path, exists=True, dir_okay=False)
 
-@click.command("import")
-@click.argument("source", type=click.Path(path_type=Path), metavar="SOURCE")
-@click.option(
-    "--to", "to", type=Output(file=False, folder=True), metavar="DATASET",
-    help="Write to this dataset folder; existing episodes are kept.",
-)  # fmt: skip
-@click.option(
-    "--map", "map_", type=click.Path(path_type=Path), metavar="FILE",
-    help="Read what the source lacks from FILE: shapes, masses, tags, roles, success, columns.",
-)  # fmt: skip
-@click.option(
-    "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Write roles, goal, rules and values of this bind file into the headers.",
-)  # fmt: skip
-@rules_option
-@click.option(
-    "--from",
-    "only",
-    metavar="NAME",
-    help="Read SOURCE as this format. Default: detected from its content.",
-)
-@click.option(
-    "--quaternion", type=click.Choice(["wxyz", "xyzw"]),
-    help="Read quaternions in this order, where the source does not say.",
-)  # fmt: skip
-@click.option(
-    "--dt", metavar="TIME",
-    help='Take this time between rows, where the source does not say: "50 ms", 0.05, 1/20.',
-)  # fmt: skip
-@click.option(
-    "--assets", type=click.Path(path_type=Path, exists=True, file_okay=False), multiple=True,
-    metavar="DIR", help="Search this folder for mesh files that the source names. Repeatable.",
-)  # fmt: skip
-@click.option(
-    "--robot", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="FILE",
-    help="Place the robot's links by its recorded joints and this description (URDF or MJCF).",
-)  # fmt: skip
-@click.option(
-    "--python", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="PATH",
-    help="Compute contacts of MuJoCo states with the mujoco of this Python, the recorder's own.",
-)  # fmt: skip
-@click.option("--prefix", default="", metavar="TEXT", help="Begin every episode id with TEXT.")
-@click.option(
-    "--limit", type=click.IntRange(min=1), metavar="N", help="Import only the first N episodes."
-)
-@click.option("--jobs", "-j", type=click.IntRange(min=1), default=1, metavar="N",
-              help="Use N worker processes.")  # fmt: skip
-@click.option(
-    "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
-    help="Abort an episode, or a look at a source, after SECONDS and list it as a "
-    "problem. Default: 120 s plus 2 s per MB.",
-)  # fmt: skip
-@click.option(
-    "--memory", metavar="SIZE", help="Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.",
-)  # fmt: skip
-@click.option("--mcap", is_flag=True, help="Write one MCAP file per episode instead of a dataset.")
-@click.option(
-    "--write-map", type=Output("toml"), metavar="FILE",
-    help="Write a map file to begin with, and import nothing: what SOURCE has and lacks, with guesses.",
-)  # fmt: skip
-@click.option("--replace", is_flag=True,
-              help="Import again what the dataset has from other data, or with another map or flags.")  # fmt: skip
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "json"]), default="table",
-    show_default=True,
-    help="Write the report as this.",
-)  # fmt: skip
-@click.pass_context
-def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None, bind: Path | None,
-            rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
-            assets: tuple[Path, ...], robot: Path | None,
-            python: Path | None, prefix: str,
-            limit: int | None, jobs: int, timeout: float | None, memory: str | None,
-            mcap: bool, replace: bool, write_map: Path | None, form: str) -> None:  # fmt: skip
+
+@make("import")
+def command(
+    source: Path = argument("SOURCE"),
+    to: Path | None = option(
+        "Write to this dataset folder; existing episodes are kept.",
+        of=Output(file=False, folder=True), metavar="DATASET",
+    ),
+    map_: Path | None = option(
+        "Read what the source lacks from FILE: shapes, masses, tags, roles, success, columns.",
+        "--map", metavar="FILE",
+    ),
+    bind: Path | None = option(
+        "Write roles, goal, rules and values of this bind file into the headers.", metavar="FILE"
+    ),
+    rules: tuple[str, ...] = rules_option,
+    only: str | None = option(
+        "Read SOURCE as this format. Default: detected from its content.", "--from", metavar="NAME"
+    ),
+    quaternion: Any = option(
+        "Read quaternions in this order, where the source does not say.", of=("wxyz", "xyzw")
+    ),
+    dt: str | None = option(
+        'Take this time between rows, where the source does not say: "50 ms", 0.05, 1/20.',
+        metavar="TIME",
+    ),
+    assets: tuple[Path, ...] = option(
+        "Search this folder for mesh files that the source names. Repeatable.", of=FOLDER, metavar="DIR"
+    ),
+    robot: Path | None = option(
+        "Place the robot's links by its recorded joints and this description (URDF or MJCF).",
+        of=FILE, metavar="FILE",
+    ),
+    python: Path | None = option(
+        "Compute contacts of MuJoCo states with the mujoco of this Python, the recorder's own.",
+        of=FILE, metavar="PATH",
+    ),
+    prefix: str = option("Begin every episode id with TEXT.", default="", metavar="TEXT"),
+    limit: int | None = option("Import only the first N episodes.", least=1, metavar="N"),
+    jobs: int = option("Use N worker processes.", "-j", least=1, default=1, metavar="N"),
+    timeout: float | None = option(
+        "Abort an episode, or a look at a source, after SECONDS and list it as a problem. Default: "
+        "120 s plus 2 s per MB.",
+        of=click.FloatRange(0, min_open=True), metavar="SECONDS",
+    ),
+    memory: str | None = option(
+        "Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.", metavar="SIZE"
+    ),
+    mcap: bool = option("Write one MCAP file per episode instead of a dataset."),
+    write_map: Path | None = option(
+        "Write a map file to begin with, and import nothing: what SOURCE has and lacks, with guesses.",
+        of=Output("toml"), metavar="FILE",
+    ),
+    replace: bool = option(
+        "Import again what the dataset has from other data, or with another map or flags."
+    ),
+    form: str = option(
+        "Write the report as this.", "--format", "-f", of=("table", "json"), default="table"
+    ),
+) -> int:  # fmt: skip
     """Import other people's recordings, and report what they lack.
 
     The format is detected from the content. Nothing is invented: what a source lacks stays out, the
@@ -115,6 +104,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
     from safestage_eval._process.memory_limit import limit as most
     from safestage_eval.importers import MapFile, Settings, import_all, load_map
     from safestage_eval.importers.bind_headers import demand_goals, load_bound
+    from safestage_eval.importers.map_mistakes import summed
     from safestage_eval.importers.read_source import Limits
 
     limits = Limits(timeout, None if memory is None else most(memory))
@@ -128,7 +118,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
     )
     if write_map is not None:
         _write_map(write_map, source, settings, only)
-        return
+        return 0
     if to is None:
         raise click.UsageError("--to DATASET is missing: the folder to write to")
     bound = None if bind is None else load_bound(bind, rules)
@@ -138,22 +128,21 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
             source, to, settings, only=only, bind=bound, prefix=prefix, limit=limit, jobs=jobs,
             mcap=mcap, replace=replace, limits=limits, progress=tell,
         )  # fmt: skip
+    notices = summed(each.notices for each in outcome.imported)
     if form == "json":
-        click.echo(_as_json(outcome), nl=False)
+        click.echo(_as_json(outcome, notices))
     else:
         say_lines(_as_table(outcome))
     for message in outcome.unused:
         say(f"warning: {message}", err=True)
-    for notice, count in notices_of(outcome):
-        say(f"looks wrong in {count} of {len(outcome.imported)} episodes: {notice}", err=True)
+    total = len(outcome.imported)
+    for notice, count in notices:
+        say(f"looks wrong in {count} of {total} episodes: {notice}", err=True)
     say_problems(_alike(outcome.failed))
     new = sum(each.new for each in outcome.imported)
-    say(
-        f"{new} imported, {len(outcome.imported) - new} there already, "
-        f"{len(outcome.failed)} not imported",
-        err=True,
-    )
-    ctx.exit(2 if outcome.failed else 0)
+    there = f"{new} imported, {total - new} there already"
+    say(f"{there}, {len(outcome.failed)} not imported", err=True)
+    return 2 if outcome.failed else 0
 
 
 def _alike(failed: Sequence[Failed]) -> list[str]:
@@ -172,29 +161,15 @@ def _alike(failed: Sequence[Failed]) -> list[str]:
 
 def _write_map(path: Path, source: Path, settings: Settings, only: str | None) -> None:
     """Write a map file to begin with; refuse to overwrite one."""
-    from safestage_eval.formats.atomic import is_stream, write_output
+    from safestage_eval.formats.atomic import is_stream
     from safestage_eval.importers.write_map import map_skeleton
 
+    if path.exists() and not is_stream(path):
+        raise click.UsageError(f"--write-map {path}: is there already; choose another name")
     text = map_skeleton(source, settings, only=only)
-    if is_stream(path):
-        write_output(path, text.encode())
-        return
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise click.UsageError(
-            f"--write-map {path}: is there already; choose another name"
-        ) from None
+    written(text, path)
     said = sum(line.startswith("[body.") for line in text.splitlines())
     say(f"{path}: {said} bodies; complete it, then import with --map {path}", err=True)
-
-
-def notices_of(outcome: Outcome) -> list[tuple[Notice, int]]:
-    """Impossible facts with their likely mistakes, and how many episodes have each."""
-    from safestage_eval.importers.map_mistakes import summed
-
-    return summed(each.notices for each in outcome.imported)
 
 
 def _seconds(text: str) -> float:
@@ -228,7 +203,7 @@ def _as_table(outcome: Outcome) -> str:
     return "".join(f"{printable(line)}\n" for line in lines)
 
 
-def _as_json(outcome: Outcome) -> str:
+def _as_json(outcome: Outcome, notices: Sequence[tuple[Notice, int]]) -> str:
     from safestage_eval._text.json_out import to_json
     from safestage_eval.importers.account import summed
 
@@ -250,7 +225,7 @@ def _as_json(outcome: Outcome) -> str:
             for each in outcome.imported
         ],
         "summary": [{**remark.model_dump(), "episodes": n} for remark, n in summed(accounts)],
-        "looks_wrong": [{**asdict(notice), "episodes": n} for notice, n in notices_of(outcome)],
+        "looks_wrong": [{**asdict(notice), "episodes": n} for notice, n in notices],
         "problems": [{"source": p.source, "message": p.message} for p in outcome.failed],
     }
-    return to_json(data, 2) + "\n"
+    return to_json(data, 2)

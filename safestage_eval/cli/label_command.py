@@ -2,77 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from shlex import join, quote
 from typing import TYPE_CHECKING
 
 import click
 
+from .command_options import command as make
+from .command_options import option
 from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import (
-    allow_host_option,
-    selected,
-    serve_until_interrupted,
-    traces_argument,
-    where_option,
-)
-from .terminal import say
+from .shared_options import allow_host_option, selected, traces_argument, where_option
+from .terminal import say, say_problems, serve_until_interrupted
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from safestage_eval.formats import EpisodeRef
-    from safestage_eval.label import Server, Session
-    from safestage_eval.rules import BindFile, RuleSet
 
 PORT = 8350
 
 
-@click.command("label")
-@traces_argument
-@click.option(
-    "--labels", "-l", "file", type=Output("csv"),
-    default=Path("labels.csv"), show_default=True, help="Write answers to this CSV file.",
-)  # fmt: skip
-@click.option("--reviewer", metavar="NAME", help="Name the reviewer. Default: the page asks.")
-@click.option(
-    "--sample", "-n", "number", type=click.IntRange(1), metavar="N",
-    help="Show N rollouts, spread evenly over the stages. Default: all.",
-)  # fmt: skip
-@click.option(
-    "--seed", type=int, default=0, show_default=True, help="Choose other rollouts by another seed."
-)
-@click.option(
-    "--results", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
-    help="Label only the episodes in these result files; verdicts are not read. Repeatable.",
-)  # fmt: skip
-@click.option(
-    "--videos", type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="Look for EPISODE_ID.mp4 in this folder. Default: beside the traces.",
-)  # fmt: skip
-@rule_options(values=False)
-@where_option
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    help=f"Serve on this port. Default: {PORT}, or any that is free.",
-)
-@allow_host_option
-@click.option("--no-open", is_flag=True, help="Start no browser.")
+@make("label")
 def command(
-    traces: tuple[str, ...],
-    file: Path,
-    reviewer: str | None,
-    number: int | None,
-    seed: int,
-    results: tuple[Path, ...],
-    videos: Path | None,
-    by: RuleChoice,
-    where: tuple[str, ...],
-    port: int | None,
-    allow_host: tuple[str, ...],
-    no_open: bool,
-) -> None:
+    traces: tuple[str, ...] = traces_argument,
+    file: Path = option(
+        "Write answers to this CSV file.", "--labels", "-l", of=Output("csv"), default=Path("labels.csv")
+    ),
+    reviewer: str | None = option("Name the reviewer. Default: the page asks.", metavar="NAME"),
+    number: int | None = option(
+        "Show N rollouts, spread evenly over the stages. Default: all.", "--sample", "-n", least=1,
+        metavar="N",
+    ),
+    seed: int = option("Choose other rollouts by another seed.", default=0),
+    results: tuple[Path, ...] = option(
+        "Label only the episodes in these result files; verdicts are not read. Repeatable.",
+        of=click.Path(path_type=Path, dir_okay=False),
+    ),
+    videos: Path | None = option(
+        "Look for EPISODE_ID.mp4 in this folder. Default: beside the traces.",
+        of=click.Path(path_type=Path, file_okay=False, exists=True),
+    ),
+    by: RuleChoice = rule_options(values=False),
+    where: tuple[str, ...] = where_option,
+    port: int | None = option(
+        f"Serve on this port. Default: {PORT}, or any that is free.", least=0, most=65535
+    ),
+    allow_host: tuple[str, ...] = allow_host_option,
+    no_open: bool = option("Start no browser."),
+) -> None:  # fmt: skip
     """Let people judge rollouts, without seeing what the evaluator says.
 
     Serves a page to this machine alone: the video or a 3-D replay of each rollout, its safety
@@ -86,28 +63,30 @@ def command(
       safestage label agreement labels.csv --results rows.parquet    then
     """
     from safestage_eval._text.plural import count
-    from safestage_eval.label import Ledger, Session, sample
+    from safestage_eval.errors import InputError
+    from safestage_eval.label import Ledger, Server, Session, sample
+    from safestage_eval.label.review_question import unasked
 
     loaded, bound = by.load_rules()
-    refs = _episodes(traces, where, results)
-    chosen = sample(refs, number, seed)
+    refs = sample(_episodes(traces, where, results), number, seed)
     session = Session(
-        refs=chosen,
-        rules=loaded,
-        ledger=Ledger(file),
-        bind=bound,
-        videos=videos,
+        refs, loaded, Ledger(file), bound, videos,
         commands=_next([*traces, *by.binding_options()], file, results),
-    )
+    )  # fmt: skip
     session.reviewer = None if reviewer is None else session.named(reviewer)
-    _warn(chosen, loaded, bound)
-    server = _server(session, port, allow_host)
-    answered = (
-        f", {count(len(session.ledger.reviewers), 'reviewer')} in {file} so far"
-        if file.exists()
-        else ""
-    )
-    say(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
+    tasks = {ref.fields.get("task") or ref.episode_id: ref for ref in reversed(refs)}
+    for task, ref in tasks.items():
+        if why := unasked(ref, loaded, bound):
+            say(f"{task}: no requirement to show: {why}", err=True)
+    try:
+        server = Server(session, PORT if port is None else port, allow_host)
+    except InputError:
+        if port is not None:
+            raise
+        server = Server(session, 0, allow_host)
+    so_far = count(len(session.ledger.reviewers), "reviewer") if file.exists() else ""
+    answered = f", {so_far} in {file} so far" if so_far else ""
+    say(f"{len(refs)} rollouts{answered}; answers go to {file}", err=True)
     say("Ctrl+C ends; start again to continue", err=True)
     serve_until_interrupted(server, browser=not no_open)
     for line in session.commands:
@@ -121,59 +100,22 @@ def _episodes(
     from safestage_eval.errors import InputError
     from safestage_eval.metrics.read_rows import read_rows
 
-    refs = []
-    for ref in selected(traces, where):
-        if ref.problem is None:
-            refs.append(ref)
-        else:
-            say(f"problem: {ref.problem}", err=True)
-    if results:
-        scored = {
-            str(row.get("episode_id"))
-            for path in results
-            for row in read_rows(path, ["episode_id"])
-        }
-        refs = [ref for ref in refs if ref.episode_id in scored]
+    found = selected(traces, where)
+    say_problems(ref.problem for ref in found if ref.problem is not None)
+    scored = {str(row["episode_id"]) for path in results for row in read_rows(path, ["episode_id"])}
+    refs = [
+        ref for ref in found if ref.problem is None and (not results or ref.episode_id in scored)
+    ]
     if not refs:
+        but = " and is in the results." if results else "."
         raise InputError(
-            " ".join(traces),
-            "there is nothing to label: no episode can be read"
-            + (" and is in the results." if results else "."),
+            " ".join(traces), f"there is nothing to label: no episode can be read{but}"
         )
     return refs
 
 
-def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> None:
-    """Warn of tasks without a requirement that could be shown."""
-    from safestage_eval.errors import InputError
-    from safestage_eval.label.review_question import unasked
-
-    tasks = {ref.fields.get("task") or ref.episode_id: ref for ref in reversed(refs)}
-    for task, ref in tasks.items():
-        try:
-            why = unasked(ref.open().header, rules, bind)
-        except InputError as error:
-            why = str(error)
-        if why is not None:
-            say(f"{task}: no requirement to show: {why}", err=True)
-
-
-def _server(session: Session, port: int | None, names: tuple[str, ...]) -> Server:
-    from safestage_eval.errors import InputError
-    from safestage_eval.label import serve
-
-    if port is not None:
-        return serve(session, port, names)
-    try:
-        return serve(session, PORT, names)
-    except InputError:
-        return serve(session, 0, names)
-
-
 def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[str, ...]:
     """Commands to run when all is answered; ``scored``: arguments of ``score``."""
-    from shlex import join, quote
-
     first = [] if results else [f"safestage score {join(scored)} -f parquet -o rows.parquet"]
     files = results or [Path("rows.parquet")]
     results_options = " ".join(f"--results {quote(str(path))}" for path in files)

@@ -7,10 +7,10 @@ and its options whose type is ``click.Path``, name what is read.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -24,9 +24,6 @@ FORMAT_OF = {
     ".svg": "svg", ".pdf": "pdf", ".mp4": "mp4", ".gif": "gif", ".webp": "webp",
 }  # fmt: skip
 """Endings that say what a file is. Under any other one a file may be anything."""
-
-_ALSO_JSON = ("sarif",)
-"""Formats that a name ending in .json says as well."""
 
 STDOUT = Path("/dev/stdout")
 
@@ -66,12 +63,23 @@ class Output(click.Path):
         return STDOUT if value == "-" and self.stream else Path(value)
 
 
-class _Read(NamedTuple):
-    """A file or folder that a command reads."""
+def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
+    """Write data to stdout, or to an output as ``formats.atomic.writing``; at once or piece by piece."""
+    pieces = [data] if isinstance(data, str | bytes) else data
+    if output in (None, STDOUT):
+        for piece in pieces:
+            click.echo(piece, nl=False)
+        return
+    from safestage_eval.formats.atomic import writing
 
-    option: str
-    path: Path
-    status: os.stat_result
+    try:
+        with writing(output) as temporary, temporary.open("wb") as stream:
+            for piece in pieces:
+                stream.write(piece.encode() if isinstance(piece, str) else piece)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise click.UsageError(f"--output {output}: {error.strerror}") from None
 
 
 def refusing_outputs(callback: Callable[..., Any]) -> Callable[..., Any]:
@@ -84,67 +92,61 @@ def refusing_outputs(callback: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(callback)
     def run(*arguments: Any, **given: Any) -> Any:
         ctx = click.get_current_context()
-        named = [
+        outputs = [
             (param.opts[0], path, param.type)
             for param in ctx.command.params
-            if isinstance(param.type, Output)
-            and (path := ctx.params.get(param.name or "")) is not None
-            and (not param.type.when or ctx.params[param.type.when])
+            if isinstance(param.type, Output) and (path := ctx.params[param.name or ""]) is not None
+            if not param.type.when or ctx.params[param.type.when]
         ]
-        if "form" in given and (formats := _formats(ctx)):
-            for _, path, kind in named:
-                if not kind.formats and not kind.folder:
-                    given["form"] = ctx.params["form"] = _form(ctx, path, formats)
-        read, written = list(_read(ctx)), list[tuple[str, Path]]()
-        for option, path, kind in named:
-            meant = FORMAT_OF.get(path.suffix.lower())
-            if kind.formats and meant is not None and meant not in kind.formats:
-                raise InputError(f"{option} {path}", *_cannot_write(path, kind.formats))
+        offered = next((p.type for p in ctx.command.params if p.name == "form"), None)
+        taken = [*_read(ctx)]
+        for option, path, kind in outputs:
+            formats = kind.formats
+            if not formats and not kind.folder and isinstance(offered, click.Choice):
+                given["form"] = ctx.params["form"] = _form(ctx, path)
+                formats = tuple(map(str, offered.choices))
+            _check_ending(option, path, formats)
             for each in [path, *kind.beside(path, ctx.params)]:
-                if why := _why_not(each, kind, read, written):
-                    raise InputError(f"{option} {each}", why[0], fix=why[1])
-                written.append((option, each))
+                if why := _why_not(each, kind, taken):
+                    raise InputError(f"{option} {each}", *why)
+                taken.append((option, each, True))
         return callback(*arguments, **given)
 
     return run
 
 
-def _formats(ctx: click.Context) -> list[str]:
-    """The choices of ``--format``."""
-    options = (param.type for param in ctx.command.params if param.name == "form")
-    return [
-        str(name) for kind in options if isinstance(kind, click.Choice) for name in kind.choices
-    ]
-
-
-def _form(ctx: click.Context, output: Path, formats: list[str]) -> str:
+def _form(ctx: click.Context, output: Path) -> str:
     """The format of an output: that of its ending, where it has one that says it."""
     given: str = ctx.params["form"]
-    meant = FORMAT_OF.get(output.suffix.lower())
-    if meant is None:
-        return given
-    chosen = ctx.get_parameter_source("form") is not ParameterSource.DEFAULT
-    if meant == given or (chosen and meant == "json" and given in _ALSO_JSON):
-        return given
-    if chosen:
+    meant = FORMAT_OF.get(output.suffix.lower(), given)
+    if ctx.get_parameter_source("form") is ParameterSource.DEFAULT:
+        return meant
+    if meant != given and (meant, given) != ("json", "sarif"):
         raise InputError(
             f"--output {output}", f"--format {given} contradicts the ending {output.suffix.lower()}.",
             fix="leave out one of the two",
         )  # fmt: skip
-    if meant not in formats:
-        raise InputError(f"--output {output}", *_cannot_write(output, formats))
-    return meant
+    return given
 
 
-def _cannot_write(path: Path, formats: Any) -> tuple[str, str, str]:
+def _check_ending(option: str, path: Path, formats: Sequence[str]) -> None:
+    ending = path.suffix.lower()
+    meant = FORMAT_OF.get(ending)
+    if meant is None or not formats or meant in formats:
+        return
     allowed = [ending for ending, form in FORMAT_OF.items() if form in formats]
-    what = f"this command cannot write {path.suffix.lower()}."
-    fix = "safestage report writes pages" if FORMAT_OF[path.suffix.lower()] == "html" else ""
-    return what, f"names ending in {', '.join(allowed)}", fix
+    raise InputError(
+        f"{option} {path}", f"this command cannot write {ending}.", f"names ending in {', '.join(allowed)}",
+        "safestage report writes pages" if meant == "html" else "",
+    )  # fmt: skip
 
 
-def _read(ctx: click.Context) -> Iterator[_Read]:
-    """What is there of all that a command is told to read."""
+Taken = tuple[str, Path, bool]
+"""The option and path of something that a command reads, or has said to write (True)."""
+
+
+def _read(ctx: click.Context) -> Iterator[Taken]:
+    """What is there of all that a command is told to read; of a folder of rules each file."""
     for param in ctx.command.params:
         value = ctx.params.get(param.name or "")
         if isinstance(param.type, Output):
@@ -152,18 +154,14 @@ def _read(ctx: click.Context) -> Iterator[_Read]:
                 continue
         elif not isinstance(param, click.Argument) and not isinstance(param.type, click.Path):
             continue
+        option = param.opts[0] if isinstance(param, click.Option) else ""
         for each in value if isinstance(value, tuple | list) else [value]:
-            if isinstance(each, str | Path) and (status := _status(Path(each))):
-                name = param.opts[0] if isinstance(param, click.Option) else ""
-                yield _Read(f"{name} {each}".strip(), Path(os.path.realpath(each)), status)
-                yield from _rule_files(name, Path(each))
-
-
-def _rule_files(option: str, folder: Path) -> Iterator[_Read]:
-    if option in ("--rules", "--against") and folder.is_dir():
-        for file in folder.rglob("*.toml"):
-            if status := _status(file):
-                yield _Read(f"{option} {folder}", Path(os.path.realpath(file)), status)
+            if isinstance(each, str | Path) and _status(Path(each)):
+                yield f"{option} {each}".strip(), Path(each), False
+                if option in ("--rules", "--against") and Path(each).is_dir():
+                    yield from (
+                        (f"{option} {each}", file, False) for file in Path(each).rglob("*.toml")
+                    )
 
 
 def _status(path: Path) -> os.stat_result | None:
@@ -173,59 +171,59 @@ def _status(path: Path) -> os.stat_result | None:
         return None
 
 
-def _why_not(
-    path: Path, kind: Output, read: list[_Read], written: list[tuple[str, Path]]
-) -> tuple[str, str] | None:
-    """Why an output is refused, and what to do instead; None if it may be written."""
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path))
+
+
+def _why_not(path: Path, kind: Output, taken: Sequence[Taken]) -> tuple[str, str, str] | None:
+    """Why an output is refused, what is allowed and what to do instead; None if it may be written."""
     from safestage_eval.formats.atomic import is_stream
 
     another = "name another file" if kind.file else "name another folder"
+    real, status = _real(path), _status(path)
+    above = next((folder for folder in real.parents if folder.exists()), real)
     if is_stream(path):
-        if kind.stream:
-            return None
-        return "is neither a file nor a folder.", another
-    real, status = Path(os.path.realpath(path)), _status(path)
-    if status and path.is_dir() and not kind.folder:
-        return "is a folder.", "name a file"
-    if status and not path.is_dir() and not kind.file:
-        return "is a file.", "name a folder"
-    above = next((folder for folder in real.parents if folder.exists()), None)
-    if above is not None and not above.is_dir():
-        return f"{above} is a file, and cannot hold another.", another
-    for option, other in written:
-        if Path(os.path.realpath(other)) == real or (status and _same(status, _status(other))):
-            return f"is also the file of {option}: one of the two would be lost.", another
-    for each in read:
-        if status and not path.is_dir() and _same(status, each.status):
-            return f"is a file that this command reads ({each.option}).", another
-        if kind.emptied and real in each.path.parents:
-            return f"holds what this command reads ({each.option}).", another
+        return None if kind.stream else ("is neither a file nor a folder.", "", another)
+    if status and not (kind.folder if path.is_dir() else kind.file):
+        return (
+            ("is a folder.", "", "name a file")
+            if kind.file
+            else ("is a file.", "", "name a folder")
+        )
+    if not above.is_dir():
+        return f"{above} is a file, and cannot hold another.", "", another
+    for option, other, is_written in taken:
+        there = _status(other)
+        same = status is not None and there is not None and os.path.samestat(status, there)
+        if is_written and (same or _real(other) == real):
+            return f"is also the file of {option}: one of the two would be lost.", "", another
+        if same and not path.is_dir():
+            return f"is a file that this command reads ({option}).", "", another
+        if kind.emptied and not is_written and real in _real(other).parents:
+            return f"holds what this command reads ({option}).", "", another
     for folder in (real, *real.parents):
-        if why := _in_dataset(real, folder, kind, read):
-            return why, another + " outside of it"
+        if why := _in_dataset(real, folder, kind, taken):
+            return why, "", f"{another} outside of it"
     if status and path.is_file() and "mcap" not in kind.formats and _is_recording(path):
-        return "is a recording, which would be lost.", another
+        return "is a recording, which would be lost.", "", another
     return None
 
 
-def _same(one: os.stat_result, other: os.stat_result | None) -> bool:
-    return other is not None and os.path.samestat(one, other)
-
-
-def _in_dataset(real: Path, dataset: Path, kind: Output, read: list[_Read]) -> str:
+def _in_dataset(real: Path, dataset: Path, kind: Output, taken: Sequence[Taken]) -> str:
     """Why nothing may be written there, where a folder above it is a dataset; empty if it may."""
     from safestage_eval.formats.parquet.dataset_layout import ASSETS, TABLE_FOLDERS, is_dataset
 
     if not is_dataset(dataset):
         return ""
-    own = [dataset / name for name in ("meta", ASSETS, *TABLE_FOLDERS)]
+    tables = [dataset / name for name in ("meta", ASSETS, *TABLE_FOLDERS)]
     page = kind.file and (not kind.folder or real.suffix.lower() in FORMAT_OF)
-    if page and any(folder in real.parents for folder in own):
+    if page and any(folder in real.parents for folder in tables):
         return f"lies among the tables of the dataset {dataset}."
-    for each in read if not kind.in_dataset else ():
-        above = dataset == each.path or (each.path in dataset.parents and real != dataset)
-        if above or any(folder in each.path.parents for folder in own):
-            return f"is or lies in a dataset that this command reads ({each.option})."
+    for option, path, is_written in () if kind.in_dataset else taken:
+        read = _real(path)
+        holds = dataset == read or (read in dataset.parents and real != dataset)
+        if not is_written and (holds or any(folder in read.parents for folder in tables)):
+            return f"is or lies in a dataset that this command reads ({option})."
     return ""
 
 

@@ -6,38 +6,35 @@ from pathlib import Path
 
 import click
 
-from .outputs import Output
-from .shared_options import pairs, progress, traces_argument, written
-from .terminal import say
+from .command_options import command as make
+from .command_options import option
+from .outputs import Output, written
+from .shared_options import pairs, traces_argument, where_option
+from .terminal import progress, say
 
 FIELDS = ("policy", "task", "stage", "family", "prompt", "seed")
 
 
-@click.command("pack")
-@traces_argument
-@click.option(
-    "--out", "-o", type=Output(file=False, folder=True), required=True,
-    help="Write the packed dataset to this folder; an existing one is continued.",
-)  # fmt: skip
-@click.option(
-    "--by", default="policy,task", show_default=True, metavar="FIELDS",
-    help=f"Group episodes into files by these header fields: {', '.join(FIELDS)}.",
-)  # fmt: skip
-@click.option(
-    "--shard-episodes", type=click.IntRange(min=1), metavar="N", default=100, show_default=True,
-    help="Put at most N episodes into a file.",
-)  # fmt: skip
-@click.option("--title", help="Title the dataset page. Default: the folder name.")
-@click.option("--licence", "--license", help="State the licence of the data: cc-by-4.0, cc0-1.0, …")
-@click.option(
-    "--where", multiple=True, metavar="FIELD=VALUE",
-    help="Select episodes by header field: policy=…, task=…, prompt=…. Repeatable.",
-)  # fmt: skip
-@click.pass_context
+@make("pack")
 def command(
-    ctx: click.Context, traces: tuple[str, ...], out: Path, by: str, shard_episodes: int,
-    title: str | None, licence: str | None, where: tuple[str, ...],
-) -> None:  # fmt: skip
+    traces: tuple[str, ...] = traces_argument,
+    out: Path = option(
+        "Write the packed dataset to this folder; an existing one is continued.",
+        "-o", of=Output(file=False, folder=True), required=True,
+    ),
+    by: str = option(
+        f"Group episodes into files by these header fields: {', '.join(FIELDS)}.",
+        default="policy,task", metavar="FIELDS",
+    ),
+    shard_episodes: int = option(
+        "Put at most N episodes into a file.", least=1, metavar="N", default=100
+    ),
+    title: str | None = option("Title the dataset page. Default: the folder name."),
+    licence: str | None = option(
+        "State the licence of the data: cc-by-4.0, cc0-1.0, …", "--licence", "--license"
+    ),
+    where: tuple[str, ...] = where_option,
+) -> int:  # fmt: skip
     """Merge episodes into few large files, ready to be published.
 
     The sources are never changed. Every copy is read back and its content compared by hash. A run
@@ -69,14 +66,12 @@ def command(
     for name, problem in result.problems:
         say(f"problem: {name}: {problem}", err=True)
     if result.packed or result.there:
-        card = dataset_card(
-            out, discover(out), title=title or readable(out.resolve().name), licence=licence
-        )
-        written(card, out / "README.md")
+        heading = title or readable(out.resolve().name)
+        written(dataset_card(out, discover(out), title=heading, licence=licence), out / "README.md")
     shards = len(set(result.packed.values()))
     say(
         f"{len(result.packed)} episodes packed into {shards} shards of {out}"
         + (f"; {len(result.there)} were there already" if result.there else "")
         + (f"; {len(result.problems)} left out" if result.problems else "")
     )
-    ctx.exit(2 if result.problems else 0)
+    return 2 if result.problems else 0

@@ -4,33 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
+from .command_options import argument, option
+from .command_options import command as make
 from .outputs import Output
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import chosen_ref, episode_option, progress
-from .terminal import say
+from .shared_options import chosen_ref, episode_option
+from .terminal import progress, say
 
 
-@click.command("plot")
-@click.argument("trace")
-@click.argument("signals", nargs=-1, metavar="[SIGNAL]...")
-@episode_option
-@rule_options()
-@click.option(
-    "--output", "-o", type=Output("png", "svg", "pdf"), required=True,
-    help="Write the picture to this file: .png, .svg or .pdf.",
-)  # fmt: skip
-@click.option("--dark", is_flag=True, help="Draw for a page with a dark ground.")
+@make("plot")
 def command(
     trace: str,
-    signals: tuple[str, ...],
-    episode: str | None,
-    by: RuleChoice,
-    output: Path,
-    *,
-    dark: bool,
-) -> None:
+    signals: tuple[str, ...] = argument("[SIGNAL]..."),
+    episode: str | None = episode_option,
+    by: RuleChoice = rule_options(),
+    output: Path = option(
+        "Write the picture to this file: .png, .svg or .pdf.",
+        "-o", of=Output("png", "svg", "pdf"), required=True,
+    ),
+    dark: bool = option("Draw for a page with a dark ground."),
+) -> None:  # fmt: skip
     """Draw signals of one episode with their limits, stretches in violation and verdicts.
 
     SIGNAL is written as in rules, with bodies or roles: "clearance(target, protected)". Without

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .outputs import Output
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import Output, written
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import (
-    jobs_option,
-    progress,
-    say_problems,
-    written,
-)
-from .terminal import say
+from .shared_options import jobs_option
+from .terminal import progress, say, say_problems
 
 if TYPE_CHECKING:
     from safestage_eval.viewer.campaign.overview import Report
@@ -26,31 +23,23 @@ PAGES = (".html", ".htm")
 """Endings of an output that is one file; anything else is a folder."""
 
 
-@click.command("report")
-@click.argument("results", type=click.Path(path_type=Path), metavar="RESULTS|RUN")
-@click.argument("traces", nargs=-1, metavar="[TRACES...]")
-@click.option(
-    "--output", "-o", type=Output("html", folder=True, emptied=True), default=Path("report.html"),
-    show_default=True, help="Write one page (NAME.html), or a folder with index.html.",
-)  # fmt: skip
-@click.option("--title", metavar="TEXT", help="Title the page. Default: Safety report.")
-@rule_options()
-@click.option(
-    "--sections", type=click.IntRange(0), metavar="N",
-    help="Give the evidence of at most N episodes, gravest first. Default: 250 in one page, all in a folder.",
-)  # fmt: skip
-@jobs_option
-@click.pass_context
+@make("report")
 def command(
-    ctx: click.Context,
-    results: Path,
-    traces: tuple[str, ...],
-    output: Path,
-    title: str | None,
-    by: RuleChoice,
-    sections: int | None,
-    jobs: int | None,
-) -> None:
+    results: Path = argument("RESULTS|RUN"),
+    traces: tuple[str, ...] = argument("[TRACES...]"),
+    output: Path = option(
+        "Write one page (NAME.html), or a folder with index.html.",
+        "-o", of=Output("html", folder=True, emptied=True), default=Path("report.html"),
+    ),
+    title: str = option("Title the page.", metavar="TEXT", default="Safety report"),
+    by: RuleChoice = rule_options(),
+    sections: int | None = option(
+        "Give the evidence of at most N episodes, gravest first. Default: 250 in one page, all in a "
+        "folder.",
+        least=0, metavar="N",
+    ),
+    jobs: int | None = jobs_option,
+) -> int:  # fmt: skip
     """Write the run browser as files: results, list of episodes, and their evidence.
 
     RESULTS is a file of safestage score (json, jsonl, csv, parquet), or a bare table of outcomes.
@@ -68,17 +57,15 @@ def command(
     """
     from safestage_eval.viewer.campaign.campaign_data import compose, judged
 
-    heading = title or "Safety report"
+    make: Callable[..., Report]
     if _is_run(results):
         from safestage_eval.formats import discover
 
         refs = discover([results, *traces])
-        make: Callable[..., Report] = partial(
-            judged, refs, by.load(), heading, results.name, jobs=jobs
-        )
+        make = partial(judged, refs, by.load(), title, results.name, jobs=jobs)
     else:
         settings = by.load() if traces else None
-        make = partial(compose, results, traces, settings, title=heading, jobs=jobs)
+        make = partial(compose, results, traces, settings, title=title, jobs=jobs)
 
     report, page = write_report(make, output, sections)
     drawn = report.pieces
@@ -90,7 +77,7 @@ def command(
         say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()
     say_problems(problems)
-    ctx.exit(2 if problems else 0)
+    return 2 if problems else 0
 
 
 def write_report(

@@ -2,53 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import wraps
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from .command_options import Declared, option
 from .shared_options import pairs
 
 if TYPE_CHECKING:
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.run.settings import Settings
 
-Command = Callable[..., Any]
-
-rules_option = click.option(
-    "--rules", "-r", "rules", type=click.Path(), multiple=True, metavar="RULES",
-    help="Use a rule file, a folder of them, or a built-in set (ish, ets, fsh, goals). "
-    "Repeatable. Default: all built-in sets.",
+rules_option = option(
+    "Use a rule file, a folder of them, or a built-in set (ish, ets, fsh, goals). Repeatable. "
+    "Default: all built-in sets.",
+    "--rules", "-r", of=click.Path(), metavar="RULES",
 )  # fmt: skip
 
-_BIND = click.option(
-    "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set "
-    "(calvin, gymnasium_robotics, libero, maniskill, metaworld, robolab, robosuite).",
-)  # fmt: skip
-
-_ROLES = (
-    click.option(
-        "--assign", multiple=True, metavar="CODES",
-        help='Judge every episode by these rules: --assign "FSH101,ETS1*". Repeatable.',
+OPTIONS = {
+    "rules": rules_option,
+    "bind": option(
+        "Read roles, goal, rules and values that headers lack from FILE, or from a built-in set "
+        "(calvin, gymnasium_robotics, libero, maniskill, metaworld, robolab, robosuite).",
+        metavar="FILE",
     ),
-    click.option(
-        "--role", "roles", multiple=True, metavar="ROLE=BODIES",
-        help='Name the bodies of a role: --role target=cube, --role "protected=vase,glass*". Repeatable.',
+    "assign": option(
+        'Judge every episode by these rules: --assign "FSH101,ETS1*". Repeatable.', metavar="CODES"
     ),
-    click.option(
-        "--protect", multiple=True, metavar="BODIES",
-        help='Short for --role protected=BODIES: --protect "vase,glass*". Repeatable.',
+    "roles": option(
+        'Name the bodies of a role: --role target=cube, --role "protected=vase,glass*". Repeatable.',
+        "--role", metavar="ROLE=BODIES",
     ),
-)  # fmt: skip
-
-_SET = click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE",
-    help='Set a parameter: --set edge="3 cm". Repeatable.',
-)  # fmt: skip
+    "protect": option(
+        'Short for --role protected=BODIES: --protect "vase,glass*". Repeatable.', metavar="BODIES"
+    ),
+    "settings": option(
+        'Set a parameter: --set edge="3 cm". Repeatable.', "--set", metavar="NAME=VALUE"
+    ),
+}  # fmt: skip
+"""Attribute of ``RuleChoice`` → its option."""
 
 
 @dataclass(frozen=True)
@@ -92,22 +86,18 @@ class RuleChoice:
             "--protect": self.protect,
         }  # fmt: skip
         return [
-            word for option, values in named.items() for value in values for word in (option, value)
+            word for name, values in named.items() for value in values for word in (name, value)
         ]
-
-    def stated(self) -> dict[str, Any]:
-        """All of it, as arguments of ``run.settings.load_settings``."""
-        return {
-            "rules": self.specs, "overrides": self.overrides,
-            "bind": None if self.bind is None else str(self.bind), "assign": self.assign,
-            "roles": self.roles, "protect": self.protect,
-        }  # fmt: skip
 
     def load(self, **more: Any) -> Settings:
         """Check the choice and load its rules; arguments and errors as of ``load_settings``."""
         from safestage_eval.run.settings import load_settings
 
-        return load_settings(**self.stated(), **more)
+        bind = None if self.bind is None else str(self.bind)
+        return load_settings(
+            self.specs, overrides=self.overrides, bind=bind, assign=self.assign, roles=self.roles,
+            protect=self.protect, **more,
+        )  # fmt: skip
 
     def load_rules(self) -> tuple[RuleSet, BindFile | None]:
         """The rules, and what bind file and command line bind; errors as of ``load_settings``."""
@@ -117,23 +107,30 @@ class RuleChoice:
         return loaded, load_binding(self.bind, loaded, self.assign, self.roles, self.protect)
 
 
-def rule_options(*, roles: bool = False, values: bool = True) -> Callable[[Command], Command]:
+class _RuleOptions(Declared):
+    """Several options that are one argument of a function: a ``RuleChoice``."""
+
+    def __init__(self, names: list[str]) -> None:
+        self._chosen = names
+
+    def parameters(self, *_: str) -> list[click.Parameter]:
+        kinds = {field.name: str(field.type) for field in fields(RuleChoice)}
+        return [
+            parameter
+            for name in self._chosen
+            for parameter in OPTIONS[name].parameters(name, kinds[name])
+        ]
+
+    def taken(self, _: str, given: dict[str, Any]) -> RuleChoice:
+        return RuleChoice(**{name: given.pop(name) for name in self._chosen})
+
+
+def rule_options(*, roles: bool = False, values: bool = True) -> Any:
     """``--rules`` and ``--bind`` as one argument ``by``, a ``RuleChoice``.
 
-    Args:
-        roles: with ``--assign``, ``--role`` and ``--protect``.
-        values: with ``--set``.
+    ``roles``: with ``--assign``, ``--role`` and ``--protect``; ``values``: with ``--set``.
     """
-    options = [rules_option, _BIND, *(_ROLES if roles else ()), *((_SET,) if values else ())]
-
-    def decorate(command: Command) -> Command:
-        @wraps(command)
-        def collect(*arguments: Any, **given: Any) -> Any:
-            chosen = {name: given.pop(name) for name in RuleChoice.__annotations__ if name in given}
-            return command(*arguments, by=RuleChoice(**chosen), **given)
-
-        for option in reversed(options):
-            collect = option(collect)
-        return collect
-
-    return decorate
+    left_out = ({"assign", "roles", "protect"} if not roles else set()) | (
+        {"settings"} if not values else set()
+    )
+    return _RuleOptions([name for name in OPTIONS if name not in left_out])

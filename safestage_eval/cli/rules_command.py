@@ -9,16 +9,14 @@ import click
 
 from safestage_eval._text.json_out import to_json
 
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import written
 from .rule_choice import rules_option
-from .shared_options import (
-    format_option,
-    jobs_option,
-    output_option,
-    progress,
-    wants_color,
-    written,
-)
-from .terminal import say, say_lines
+from .shared_options import format_option, jobs_option, output_option
+from .terminal import progress, say, say_lines, wants_color
+
+files_argument = argument("[RULES]...")
 
 
 @click.group("rules")
@@ -35,11 +33,11 @@ def command() -> None:
     """
 
 
-@command.command("check")
-@click.argument("rules", nargs=-1, metavar="[RULES]...")
-@click.option("--json", "as_json", is_flag=True, help="Print diagnostics as JSON, for editors.")
-@click.pass_context
-def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
+@make("check")
+def check(
+    rules: tuple[str, ...] = files_argument,
+    as_json: bool = option("Print diagnostics as JSON, for editors.", "--json"),
+) -> int:
     """Find everything that is wrong with rule files, all at once.
 
     RULES are files, folders or built-in names; without any, the built-in rules are checked. Each
@@ -67,14 +65,15 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
             loaded = load_rules(specs)
             codes = ", ".join([*loaded.rules, *loaded.costs])
             say(f"sound: {codes or 'no rules'}")
-    ctx.exit(2 if diagnostics else 0)
+    return 2 if diagnostics else 0
 
 
-@command.command("show")
-@click.argument("what", metavar="[CODE|FILE]...", nargs=-1)
-@rules_option
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
+@make("show")
+def show(
+    what: tuple[str, ...] = argument("[CODE|FILE]..."),
+    rules: tuple[str, ...] = rules_option,
+    as_json: bool = option("Print everything as JSON.", "--json"),
+) -> None:
     """Explain rules: what they ask, with which values from where, and what a trace must hold.
 
     CODE is a rule (ETS201), looked for in --rules, or in all built-in files. FILE is a rule file
@@ -103,21 +102,15 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
         say_lines("\n".join(map(explain_rule, rules_facts)))
 
 
-@command.command("new")
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
-@click.option(
-    "--signal",
-    required=True,
-    metavar="NAME",
-    help="What it shall be about: `safestage rules signals` lists them.",
-)
-@click.option(
-    "--code",
-    default="ETS901",
-    show_default=True,
-    help="Its code: three capital letters, three digits.",
-)
-def new(file: Path, signal: str, code: str) -> None:
+@make("new")
+def new(
+    file: Path = argument("FILE"),
+    signal: str = option(
+        "What it shall be about: `safestage rules signals` lists them.",
+        required=True, metavar="NAME",
+    ),
+    code: str = option("Its code: three capital letters, three digits.", default="ETS901"),
+) -> None:  # fmt: skip
     """Write a first rule: a commented file, one scene that passes it and one that violates it.
 
     The scenes are built-in sketches, copied to the folder "examples" beside FILE; the limit lies between
@@ -136,10 +129,11 @@ def new(file: Path, signal: str, code: str) -> None:
     say(f"next: safestage rules test {file}")
 
 
-@command.command("signals")
-@click.argument("names", metavar="[NAME]...", nargs=-1)
-@click.option("--json", "as_json", is_flag=True, help="Print the vocabulary as JSON.")
-def signals(names: tuple[str, ...], as_json: bool) -> None:
+@make("signals")
+def signals(
+    names: tuple[str, ...] = argument("[NAME]..."),
+    as_json: bool = option("Print the vocabulary as JSON.", "--json"),
+) -> None:
     """List the signals and relations that conditions can use.
 
     For each: arguments, dimension and units, meaning, and what a trace must contain.
@@ -153,18 +147,12 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
     from safestage_eval.errors import InputError, did_you_mean
     from safestage_eval.report.rule_report import explain_vocabulary, vocabulary
 
-    entries = vocabulary()
-    by_name = {entry["name"]: entry for entry in entries}
+    by_name = {entry["name"]: entry for entry in vocabulary()}
     for name in names:
         if name not in by_name:
-            raise InputError(
-                name,
-                "no signal or relation has this name.",
-                ", ".join(by_name),
-                did_you_mean(name, by_name),
-            )
-    if names:
-        entries = [by_name[name] for name in names]
+            what = "no signal or relation has this name."
+            raise InputError(name, what, ", ".join(by_name), did_you_mean(name, by_name))
+    entries = [by_name[name] for name in names or by_name]
     if as_json:
         click.echo(to_json(entries, 1))
         return
@@ -172,7 +160,7 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
     say_lines("\n".join(map(explain_vocabulary, pages)))
 
 
-@command.command("schema")
+@make("schema")
 def schema() -> None:
     """Print the JSON Schema of rule files, for completion and checks while typing.
 
@@ -198,12 +186,12 @@ def schema() -> None:
     click.echo(schema_text(), nl=False)
 
 
-@command.command("diff")
-@click.argument("before", metavar="A")
-@click.argument("after", metavar="B")
-@click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
-@click.pass_context
-def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> None:
+@make("diff")
+def diff(
+    before: str = argument("A"),
+    after: str = argument("B"),
+    fail_on_change: bool = option("Exit 1 if the meaning of any rule changed."),
+) -> int:
     """Say what changes from rule set A to rule set B.
 
     Both are files, folders or built-in names. Rules are matched by their code. Prose, the order of
@@ -222,42 +210,28 @@ def diff(ctx: click.Context, before: str, after: str, fail_on_change: bool) -> N
 
     comparison = compare(load_rules([before]), load_rules([after]))
     say_lines(difference_text(comparison))
-    ctx.exit(1 if fail_on_change and not comparison.empty else 0)
+    return 1 if fail_on_change and not comparison.empty else 0
 
 
-@command.command("test")
-@click.argument("rules", nargs=-1, metavar="[RULES]...")
-@click.option(
-    "--traces", "-t", type=click.Path(), multiple=True, metavar="PATH",
-    help="Find examples that are named by episode id in these traces. Repeatable.",
-)  # fmt: skip
-@click.option(
-    "--least", type=click.IntRange(0), metavar="N",
-    help="Demand N violating and N passing examples per rule: 1, without RULES 2.",
-)  # fmt: skip
-@click.option(
-    "--mutate", is_flag=True,
-    help="Mutate each rule in one place at a time and list the mutants that no example detects.",
-)  # fmt: skip
-@click.option(
-    "--deep", is_flag=True,
-    help="With --mutate: also mutate states, phases and signals.",
-)  # fmt: skip
-@format_option("table", "json", "junit")
-@output_option
-@jobs_option
-@click.pass_context
+@make("test")
 def test(
-    ctx: click.Context,
-    rules: tuple[str, ...],
-    traces: tuple[str, ...],
-    least: int | None,
-    mutate: bool,
-    deep: bool,
-    form: str,
-    output: Path | None,
-    jobs: int | None,
-) -> None:
+    rules: tuple[str, ...] = files_argument,
+    traces: tuple[str, ...] = option(
+        "Find examples that are named by episode id in these traces. Repeatable.",
+        "-t", of=click.Path(), metavar="PATH",
+    ),
+    least: int | None = option(
+        "Demand N violating and N passing examples per rule: 1, without RULES 2.",
+        least=0, metavar="N",
+    ),
+    mutate: bool = option(
+        "Mutate each rule in one place at a time and list the mutants that no example detects."
+    ),
+    deep: bool = option("With --mutate: also mutate states, phases and signals."),
+    form: str = format_option("table", "json", "junit"),
+    output: Path | None = output_option,
+    jobs: int | None = jobs_option,
+) -> int:  # fmt: skip
     """Judge the examples that rules name, and compare with what they should be.
 
     RULES are files, folders or built-in names; without any, all built-in files are tested, each by
@@ -304,14 +278,9 @@ def test(
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
     with progress("rules") as tell:
         suites, hunted = check_sets(
-            sets,
-            recorded,
-            least=(1 if rules else 2) if least is None else least,
-            kinds=KINDS if mutate else (),
-            deep=deep,
-            jobs=jobs,
-            progress=tell,
-        )
+            sets, recorded, least=(1 if rules else 2) if least is None else least,
+            kinds=KINDS if mutate else (), deep=deep, jobs=jobs, progress=tell,
+        )  # fmt: skip
     written(examples_report.render(suites, hunted if mutate else None, form), output)
     for problem in dict.fromkeys(c.problem for s in suites.values() for c in s.checked):
         if "\n" in problem:
@@ -319,4 +288,8 @@ def test(
     if not suites:
         say("only definitions, no rules to test", err=True)
     unnoticed = any(m.killer is None for mutants in hunted.values() for m in mutants)
-    ctx.exit(0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1)
+    return 0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1
+
+
+for below in (check, show, new, signals, schema, diff, test):
+    command.add_command(below)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import click
 
+from .command_options import command as make
+from .command_options import option
 from .shared_options import chosen_ref, episode_argument, episode_option
 from .terminal import say_lines
 
 
-@click.command("scene")
-@click.argument("trace")
-@episode_argument
-@episode_option
-@click.option("--json", "as_json", is_flag=True, help="Print the header as JSON.")
-def command(trace: str, name: str | None, episode: str | None, as_json: bool) -> None:
+@make("scene")
+def command(
+    trace: str,
+    name: str | None = episode_argument,
+    episode: str | None = episode_option,
+    as_json: bool = option("Print the header as JSON.", "--json"),
+) -> None:
     """Show one episode: header, bodies, roles, timeline.
 
     \b
@@ -21,8 +24,7 @@ def command(trace: str, name: str | None, episode: str | None, as_json: bool) ->
       safestage explain scene rollout.mcap
       safestage explain scene traces/ dumbbell_near_glasses.reference-safe
     """
-    ref = chosen_ref(trace, name, episode)
-    opened = ref.open()
+    opened = chosen_ref(trace, name, episode).open()
     if as_json:
         from safestage_eval._text.json_out import visible_json
 

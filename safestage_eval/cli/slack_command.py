@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
+from .command_options import command as make
+from .command_options import option
+from .outputs import written
+from .shared_options import format_option, output_option
 
-from .shared_options import format_option, output_option, written
 
-
-@click.command("slack")
-@click.argument("rows", metavar="ROWS")
-@click.option(
-    "--param", "-p", "params", multiple=True, metavar="NAME",
-    help="Show only this parameter. Repeatable. Default: all in the what-if table.",
-)  # fmt: skip
-@format_option("table", "csv", "json")
-@output_option
-def command(rows: str, params: tuple[str, ...], form: str, output: Path | None) -> None:
+@make("slack")
+def command(
+    rows: str,
+    params: tuple[str, ...] = option(
+        "Show only this parameter. Repeatable. Default: all in the what-if table.",
+        "--param", "-p", metavar="NAME",
+    ),
+    form: str = format_option("table", "csv", "json"),
+    output: Path | None = output_option,
+) -> None:  # fmt: skip
     """Say how far each parameter may move before a verdict flips.
 
     ROWS is a result file, rows.parquet of score --what-if. The table gives, per parameter, rule and

@@ -6,67 +6,47 @@ from pathlib import Path
 
 import click
 
-from .outputs import Output
+from .command_options import command as make
+from .command_options import option
+from .outputs import Output, written
 from .rule_choice import RuleChoice, rule_options
 from .shared_options import (
     format_option,
     jobs_option,
     output_option,
-    progress,
-    say_problems,
     selected,
     traces_argument,
     where_option,
-    written,
 )
-from .terminal import say
+from .terminal import progress, say, say_problems
+
+CURVES = ("policy", "prompt", "stage", "task", "rule")
 
 
-@click.command("sweep")
-@traces_argument
-@rule_options()
-@click.option("--param", "-p", metavar="NAME", required=True, help="Vary this parameter.")
-@click.option(
-    "--from", "first", metavar="VALUE", help="Begin at this value, with its unit. Default: 0."
-)
-@click.option(
-    "--to", "last", metavar="VALUE", help="End at this value. Default: twice the default value."
-)
-@click.option(
-    "--steps", type=click.IntRange(2), metavar="N", default=41, show_default=True,
-    help="Judge N values, both ends included.",
-)  # fmt: skip
-@click.option("--values", metavar="LIST", help='Judge these values instead: "1 cm, 2 cm, 5 cm".')
-@click.option(
-    "--by", "curve_fields", multiple=True, type=click.Choice(["policy", "prompt", "stage", "task", "rule"]),
-    help="Draw one curve per value of this field. Repeatable.",
-)  # fmt: skip
-@format_option("table", "csv", "json")
-@output_option
-@click.option(
-    "--plot",
-    type=Output("png", "svg", "pdf"),
-    help="Draw VR and SSR as well: curve.png, curve.svg.",
-)
-@where_option
-@jobs_option
-@click.pass_context
+@make("sweep")
 def command(
-    ctx: click.Context,
-    traces: tuple[str, ...],
-    by: RuleChoice,
-    param: str,
-    first: str | None,
-    last: str | None,
-    steps: int,
-    values: str | None,
-    curve_fields: tuple[str, ...],
-    form: str,
-    output: Path | None,
-    plot: Path | None,
-    where: tuple[str, ...],
-    jobs: int | None,
-) -> None:
+    traces: tuple[str, ...] = traces_argument,
+    by: RuleChoice = rule_options(),
+    param: str = option("Vary this parameter.", "-p", metavar="NAME", required=True),
+    first: str | None = option(
+        "Begin at this value, with its unit. Default: 0.", "--from", metavar="VALUE"
+    ),
+    last: str | None = option(
+        "End at this value. Default: twice the default value.", "--to", metavar="VALUE"
+    ),
+    steps: int = option("Judge N values, both ends included.", least=2, metavar="N", default=41),
+    values: str | None = option('Judge these values instead: "1 cm, 2 cm, 5 cm".', metavar="LIST"),
+    curve_fields: tuple[str, ...] = option(
+        "Draw one curve per value of this field. Repeatable.", "--by", of=CURVES
+    ),
+    form: str = format_option("table", "csv", "json"),
+    output: Path | None = output_option,
+    plot: Path | None = option(
+        "Draw VR and SSR as well: curve.png, curve.svg.", of=Output("png", "svg", "pdf")
+    ),
+    where: tuple[str, ...] = where_option,
+    jobs: int | None = jobs_option,
+) -> int:
     """Show how the rates move with a threshold.
 
     Every value is judged, but the traces are read and measured only once. TRACES may also be
@@ -117,20 +97,13 @@ def command(
         if table is not None:
             curves = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
-            refs = selected(traces, where)
             curves = sweep(
-                refs,
-                specs,
-                param,
-                visited,
-                overrides=by.overrides,
-                bind=by.bind,
-                jobs=jobs,
-                progress=tell,
-            )
+                selected(traces, where), specs, param, visited, overrides=by.overrides,
+                bind=by.bind, jobs=jobs, progress=tell,
+            )  # fmt: skip
     written(sweep_report.render(curves, form, curve_fields), output)
     if plot is not None:
         sweep_report.plot(curves, plot, curve_fields)
         say(f"{plot}: drawn", err=True)
     say_problems(curves.problems if form != "table" else ())
-    ctx.exit(2 if curves.problems else 0)
+    return 2 if curves.problems else 0

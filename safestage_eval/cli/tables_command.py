@@ -4,42 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 from safestage_eval.report import TABLE_FORMATS
 
-from .shared_options import (
-    bootstrap_seed_option,
-    format_option,
-    output_option,
-    written,
-)
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import written
+from .shared_options import format_option, output_option, random_seed_option
 from .terminal import say
 
 MOST = 20
 """Problems listed on stderr; the JSON has all of them."""
 
 
-@click.command("tables")
-@click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@format_option(*TABLE_FORMATS, "latex")
-@output_option
-@click.option(
-    "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",
-    show_default=True, help="Add 95 % intervals to the tables; JSON and CSV have both kinds.",
-)  # fmt: skip
-@bootstrap_seed_option
-@click.option("--strict", is_flag=True, help="Exit 1 if cells are missing, unequal or undecided.")
-@click.pass_context
+@make("tables")
 def command(
-    ctx: click.Context,
-    results: tuple[str, ...],
-    form: str,
-    output: Path | None,
-    intervals: str,
-    random_seed: int,
-    strict: bool,
-) -> None:
+    results: tuple[str, ...] = argument("RESULTS...", required=True),
+    form: str = format_option(*TABLE_FORMATS, "latex"),
+    output: Path | None = output_option,
+    intervals: str = option(
+        "Add 95 % intervals to the tables; JSON and CSV have both kinds.",
+        of=("none", "wilson", "bootstrap"), default="none",
+    ),
+    random_seed: int = random_seed_option,
+    strict: bool = option("Exit 1 if cells are missing, unequal or undecided."),
+) -> int:  # fmt: skip
     """Tabulate a campaign: by policy, by stage, by family.
 
     RESULTS are files that score wrote as json, jsonl, csv or parquet, or outcome tables: any table
@@ -67,4 +55,4 @@ def command(
         say(f"uneven: {problem.message}", err=True)
     if len(result.problems) > MOST:
         say(f"uneven: and {len(result.problems) - MOST} more (--format json)", err=True)
-    ctx.exit(1 if strict and result.problems else 0)
+    return 1 if strict and result.problems else 0

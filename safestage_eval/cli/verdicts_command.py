@@ -3,46 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
+from .command_options import argument, option
+from .command_options import command as make
+from .outputs import written
 from .rule_choice import RuleChoice, rule_options
-from .shared_options import (
-    format_option,
-    jobs_option,
-    output_option,
-    progress,
-    selected,
-    where_option,
-    written,
-)
+from .shared_options import format_option, jobs_option, output_option, selected, where_option
+from .terminal import progress
 
 
-@click.command("verdicts")
-@click.argument("what", nargs=-1, required=True, metavar="BEFORE AFTER | TRACES...")
-@rule_options()
-@click.option(
-    "--against", "-a", type=click.Path(), multiple=True, metavar="RULES",
-    help="Judge the second time by these rules. Default: those of --rules. Repeatable.",
-)  # fmt: skip
-@where_option
-@format_option("table", "json")
-@output_option
-@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict changed.")
-@jobs_option
-@click.pass_context
+@make("verdicts")
 def command(
-    ctx: click.Context,
-    what: tuple[str, ...],
-    by: RuleChoice,
-    against: tuple[str, ...],
-    where: tuple[str, ...],
-    form: str,
-    output: Path | None,
-    fail_on_change: bool,
-    jobs: int | None,
-) -> None:
+    what: tuple[str, ...] = argument("BEFORE AFTER | TRACES...", required=True),
+    by: RuleChoice = rule_options(),
+    against: tuple[str, ...] = option(
+        "Judge the second time by these rules. Default: those of --rules. Repeatable.",
+        "-a", of=click.Path(), metavar="RULES",
+    ),
+    where: tuple[str, ...] = where_option,
+    form: str = format_option("table", "json"),
+    output: Path | None = output_option,
+    fail_on_change: bool = option("Exit 1 if any verdict changed."),
+    jobs: int | None = jobs_option,
+) -> int:  # fmt: skip
     """Say which verdicts flipped, and what flipped each.
 
     BEFORE and AFTER are result files that score wrote as json, jsonl, csv or parquet. For each
@@ -65,64 +50,33 @@ def command(
       safestage compare verdicts traces/ -r old/ -a new/ --fail-on-change
     """
     from safestage_eval.report import flips_report
-    from safestage_eval.whatif.flip_table import is_result_file
-
-    if by.settings and len(what) == 1 and is_result_file(what[0]):
-        if against or by.rules or by.bind or where:
-            raise click.UsageError(
-                f"{what[0]}: its what-if table holds for the rules that it was written with; leave out "
-                "--rules, --against, --bind and --where"
-            )
-        difference = _of_table(what[0], by.overrides, jobs)
-    elif against or by.settings:
-        difference = _of_rules(what, by, against, where, jobs)
-    else:
-        difference = _of_results(what, by, where)
-    written(flips_report.render(difference, form), output)
-    ctx.exit(2 if difference.problems else 1 if fail_on_change and not difference.empty else 0)
-
-
-def _of_table(path: str, overrides: dict[str, str], jobs: int | None) -> Any:
-    from safestage_eval.whatif.diff import diff_table
-    from safestage_eval.whatif.flip_table import FlipTable
-
-    with progress("comparing") as tell:
-        return diff_table(FlipTable(path), overrides, jobs=jobs, progress=tell)
-
-
-def _of_rules(
-    traces: tuple[str, ...],
-    by: RuleChoice,
-    against: tuple[str, ...],
-    where: tuple[str, ...],
-    jobs: int | None,
-) -> Any:
-    from safestage_eval.whatif.diff import diff
-
-    refs = selected(traces, where)
-    with progress("comparing") as tell:
-        return diff(
-            refs,
-            by.specs,
-            list(against) or by.specs,
-            overrides=by.overrides,
-            bind=by.bind,
-            jobs=jobs,
-            progress=tell,
-        )
-
-
-def _of_results(files: tuple[str, ...], by: RuleChoice, where: tuple[str, ...]) -> Any:
-    if by or where:
-        raise click.UsageError(
-            "--rules, --bind and --where are about traces: name the other rules with --against, "
-            "or other values with --set"
-        )
-    if len(files) != 2 or any(Path(file).is_dir() for file in files):
-        raise click.UsageError(
-            "give two result files, BEFORE and AFTER; or traces, with --rules and --against"
-        )
+    from safestage_eval.whatif.diff import diff, diff_table
+    from safestage_eval.whatif.flip_table import FlipTable, is_result_file
     from safestage_eval.whatif.result_difference import difference, read_results
 
-    before, after = map(read_results, files)
-    return difference(before, after)
+    with progress("comparing") as tell:
+        if by.settings and len(what) == 1 and is_result_file(what[0]):
+            if against or by.rules or by.bind or where:
+                raise click.UsageError(
+                    f"{what[0]}: its what-if table holds for the rules that it was written with; leave "
+                    "out --rules, --against, --bind and --where"
+                )
+            found = diff_table(FlipTable(what[0]), by.overrides, jobs=jobs, progress=tell)
+        elif against or by.settings:
+            found = diff(
+                selected(what, where), by.specs, list(against) or by.specs, overrides=by.overrides,
+                bind=by.bind, jobs=jobs, progress=tell,
+            )  # fmt: skip
+        elif by or where:
+            raise click.UsageError(
+                "--rules, --bind and --where are about traces: name the other rules with --against, "
+                "or other values with --set"
+            )
+        elif len(what) != 2 or any(Path(file).is_dir() for file in what):
+            raise click.UsageError(
+                "give two result files, BEFORE and AFTER; or traces, with --rules and --against"
+            )
+        else:
+            found = difference(read_results(what[0]), read_results(what[1]))
+    written(flips_report.render(found, form), output)
+    return 2 if found.problems else 1 if fail_on_change and not found.empty else 0

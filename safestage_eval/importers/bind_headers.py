@@ -84,7 +84,7 @@ def demand_goals(map_: MapFile, rules: Sequence[str | Path] = ()) -> None:
         InputError: a goal of this name is not loaded, or a table of a goal cannot be used.
     """
     from safestage_eval.rules import builtin_names, load_rules
-    from safestage_eval.rules.check import check_goal
+    from safestage_eval.rules.check import read_goal
     from safestage_eval.rules.names import Names
 
     tables = {"every": map_.every, **{f"task.{k}": v for k, v in map_.task.items()}}
@@ -100,6 +100,8 @@ def demand_goals(map_: MapFile, rules: Sequence[str | Path] = ()) -> None:
                 where, f"no goal {goal!r} is loaded.", ", ".join(sorted(loaded.goals)),
                 "--rules FILE that has it, or a table: { roles = …, require = … } (docs/rules.md)",
             )  # fmt: skip
-        problems = [] if isinstance(goal, str) else check_goal(Names.of_rules(loaded), goal, where)
+        problems = (
+            [] if isinstance(goal, str) else read_goal(Names.of_rules(loaded), goal, where)[0]
+        )
         if problems:
             raise InputError(where, f"{problems[0].what}.", problems[0].allowed, problems[0].fix)

@@ -18,17 +18,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Geom, Joint, RobotFrames, Source, still_track
+from safestage_eval.episode import Body, Episode, Geom, Source, still_track
 from safestage_eval.errors import InputError
 
 from .account import Account
 from .foreign_motion import make_track
 from .importer import Importer, Settings, SourceError
-from .missing_data import say_links, say_success
+from .missing_data import say_success
 from .npz_arrays import npy_array, npz_arrays
 from .robot_file import robot_from_urdf
 from .robot_model import scaled
-from .scene_builder import SceneBuilder, robot_frames
+from .scene_builder import SceneBuilder
 
 F64 = NDArray[np.float64]
 
@@ -102,17 +102,17 @@ class Calvin(Importer):
         scene_obs = np.stack([frame["scene_obs"] for frame in frames])
         robot_obs = np.stack([frame["robot_obs"] for frame in frames])
         scene = SceneBuilder(self.settings, str(self.path), account)
-        which = scene.gaps.ask(self._scene, "D")
+        which = scene.ask(self._scene, "D")
         _blocks(which, scene_obs, scene)
-        scene.gaps.ask(lambda: self._table(which, scene_obs, scene), None)
-        scene.gaps.refuse()
-        robot, joints = _robot(robot_obs, frames, scene)
+        scene.ask(lambda: self._table(which, scene_obs, scene), None)
+        scene.refuse()
+        _robot(robot_obs, frames, scene)
         say_success(account, known=False, hold=None)
         dt = self.settings.stated_dt or 1 / RATE
         return scene.episode(
-            np.arange(len(frames), dtype=np.float64) * dt, robot, com="the middles of the blocks",
+            np.arange(len(frames), dtype=np.float64) * dt, com="the middles of the blocks",
             physics_dt=self.settings.map.source.physics_dt or 1 / PHYSICS, frame_dt=dt, control_dt=dt,
-            source=Source(simulator="PyBullet (CALVIN)"), joints=joints,
+            source=Source(simulator="PyBullet (CALVIN)"),
         )  # fmt: skip
 
     def _frame(self, number: int) -> dict[str, F64]:
@@ -191,25 +191,15 @@ def _blocks(which: str, obs: F64, scene: SceneBuilder) -> None:
     )  # fmt: skip
 
 
-def _robot(
-    obs: F64, frames: list[dict[str, F64]], scene: SceneBuilder
-) -> tuple[RobotFrames, tuple[Joint, ...]]:
-    base = still_track(BASE, (1.0, 0.0, 0.0, 0.0))
-    columns = np.column_stack([obs[:, 7:14], obs[:, 6] / 2, obs[:, 6] / 2])
-    placed = scene.place_robot("robot_base", base, columns)
-    if placed is not None:
-        joints, gripper = placed.joints, placed.gripper
+def _robot(obs: F64, frames: list[dict[str, F64]], scene: SceneBuilder) -> None:
+    base, fingers = still_track(BASE, (1.0, 0.0, 0.0, 0.0)), obs[:, [6, 6]] / 2
+    if scene.settings.robot is not None:
+        scene.place_robot("robot_base", base, np.hstack([obs[:, 7:14], fingers]))
     else:
-        raw = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
-        scene.add(scene.describe(raw), base)
-        say_links(scene.account, "the arm")
-        joints = tuple(
-            Joint(name=f"joint_{i}", kind="revolute", body="robot_base") for i in range(7)
-        )
-        columns, gripper = columns[:, :7], np.clip(obs[:, 6:7] / 0.08, 0.0, 1.0)
-    whole = all("actions" in frame for frame in frames)
-    action = np.stack([f["actions"] for f in frames]) if whole else None
-    return robot_frames(len(frames), joint_position=columns, action=action, gripper=gripper), joints
+        scene.articulation("robot", base, obs[:, 7:14])
+        scene.record(gripper=np.clip(obs[:, 6:7] / 0.08, 0.0, 1.0))
+    if all("actions" in frame for frame in frames):
+        scene.record(action=np.stack([frame["actions"] for frame in frames]))
 
 
 IDS = "ep_start_end_ids.npy"

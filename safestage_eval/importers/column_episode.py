@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -18,8 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Joint, RobotFrames, Track, still_track
-from safestage_eval.errors import TraceError
+from safestage_eval.episode import Body, Episode, Joint, Track, still_track
+from safestage_eval.errors import InputError, TraceError
+from safestage_eval.formats.parquet.arrow_tables import arrow_file
 from safestage_eval.size_limits import current
 
 from .account import Account
@@ -29,14 +31,23 @@ from .joint_columns import joint_column, plain
 from .known_files import ask_for
 from .map_tables import BodyColumns, ColumnsTable
 from .missing_data import say_success
-from .place_robot import Placed
 from .robot_file import load_robot
-from .scene_builder import SceneBuilder, robot_frames
+from .scene_builder import SceneBuilder
 
 F64 = NDArray[np.float64]
 
 POSE_WORDS = r"obj|pose|environment_state|body|sim_state"
 """Pattern of column names that may be poses of objects."""
+
+
+class UnmappedError(SourceError):
+    """A table of which nobody says what its columns are.
+
+    Attributes:
+        columns: that a map file may name.
+    """
+
+    columns: Collection[str] = ()
 
 
 @dataclass(frozen=True)
@@ -48,55 +59,57 @@ class Rows:
         number: of the episode.
         t: (T,) s from the first row; None if the source does not tell.
         instruction: in words, if there is one.
-        joints: names of the numbers in the column of joint positions, if they have any.
     """
 
     columns: dict[str, F64]
     number: int
     t: F64 | None = None
     instruction: str | None = None
-    joints: tuple[str, ...] = ()
 
 
 class ColumnImporter(Importer):
     """A dataset of tables, whose columns the map file assigns."""
 
+    publisher = ""
+    """Origin of the source, in its own words."""
+
     def __init__(self, path: Path, settings: Settings) -> None:
         """Take the map's columns; with a robot, those of its joints are enough.
 
         Raises:
-            SourceError: there are none.
+            UnmappedError: there are none.
         """
         super().__init__(path, settings)
         self._columns: ColumnsTable = settings.map.columns or ColumnsTable()
         if not self._columns.body and settings.robot is None:
-            raise self.no_map()
+            error = self.no_map()
+            with suppress(InputError):  # the columns are only a help
+                error.columns = [
+                    n if len(w) == 1 else f"{n}[0:{len(w)}]" for n, w in self.widths().items()
+                ]
+            raise error
 
     @abstractmethod
     def rows(self, name: str, wanted: Sequence[str]) -> Rows:
-        """Read the wanted columns of an episode.
+        """Read an episode, with those of the wanted columns that it has.
 
         Raises:
-            SourceError: there is no such column.
+            SourceError: a column cannot be read.
             TraceError: the data are damaged.
         """
 
-    def widths(self) -> dict[str, Sequence[str]]:
-        """Column → the names of its numbers, as far as the source says; an empty name where it does not."""
-        return {}
-
     @abstractmethod
+    def widths(self) -> dict[str, Sequence[str]]:
+        """Column of numbers → a name for each number in a row of it, empty where it has none."""
+
     def seen(self) -> list[str]:
         """Names of all columns of the source, without those of its bookkeeping."""
-
-    @abstractmethod
-    def publisher(self) -> str:
-        """Origin of the source, in its own words."""
+        return list(self.widths())
 
     def fingerprint(self, name: str) -> str:
         """Digest of the episode's first and last row in the mapped columns."""
         digest = sha256()
-        for column, values in self.rows(name, self._wanted).columns.items():
+        for column, values in self._rows(name).columns.items():
             rows = np.ascontiguousarray(values[[0, -1]])
             digest.update(f"{column} {values.shape}".encode() + rows.tobytes())
         return digest.hexdigest()
@@ -104,42 +117,34 @@ class ColumnImporter(Importer):
     def read(self, name: str, account: Account) -> Episode:
         """Read one episode."""
         where = f"{self.path}: {name}"
-        rows = self.rows(name, self._wanted)
-        columns = rows.columns
-        current().demand("frames", len(next(iter(columns.values()))), where)
+        rows = self._rows(name)
         scene = SceneBuilder(self.settings, where, account)
         bodies = self._columns.body
-        order: QuaternionOrder = (
-            scene.gaps.ask(lambda: self._order(where), "wxyz") if bodies else "wxyz"
-        )
+        order: QuaternionOrder = scene.ask(lambda: self._order(where), "wxyz") if bodies else "wxyz"
         for body_name, spec in bodies.items():
             raw = Body(name=body_name, kind="object", untold=("up_axis", "cavity"))
             scene.bodies.append(scene.describe(raw))
-            scene.tracks[body_name] = _track(columns, spec, order, f"{where}: {body_name}")
+            track = _track(rows.columns, spec, order, f"{where}: {body_name}")
+            scene.tracks[body_name] = track
         scene.need_shapes(f"{self.title}s have none")
-        t = scene.gaps.ask(lambda: self._time(rows, where), np.zeros(0))
-        scene.gaps.refuse()
-        placed = self._placed(rows, scene)
-        if placed is None and not any(b.kind in ("robot", "gripper") for b in scene.bodies):
-            base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
-            scene.add(base, still_track((0, 0, 0), (1, 0, 0, 0)))
-        frames, joints = self._robot(columns, len(t), scene, placed)
+        t = scene.ask(lambda: self._time(rows, where), np.zeros(0))
+        scene.refuse()
+        self._robot(rows.columns, scene)
         self._remark(account)
-        about = self._about(rows, t, account)
-        return scene.episode(t, frames, com="the bodies' origins", joints=joints, **about)
+        return scene.episode(t, com="the bodies' origins", **self._about(rows, t, account))
 
-    def no_map(self) -> SourceError:
+    def no_map(self) -> UnmappedError:
         """Return the error for a source of which nobody says where poses are."""
         seen = self.seen()
         likely = [name for name in seen if re.search(POSE_WORDS, name)]
         if not likely:
             names = f" ({', '.join(seen[:8])})" if seen else ""
-            return SourceError(
+            return UnmappedError(
                 str(self.path),
                 f"has no poses of objects, only what the robot saw and did{names}.",
-                fix=ask_for(f"{self.path} {self.publisher()} {' '.join(seen)}"),
+                fix=ask_for(f"{self.path} {self.publisher} {' '.join(seen)}"),
             )
-        return SourceError(
+        return UnmappedError(
             str(self.path),
             "does not say which columns are poses of objects.",
             ", ".join(likely),
@@ -147,22 +152,33 @@ class ColumnImporter(Importer):
             f'"{likely[0]}[3:7]" (docs/import/lerobot.md)',
         )
 
-    @property
-    def _map_path(self) -> str:
-        return self.settings.map.path or str(self.path)
+    def _rows(self, name: str) -> Rows:
+        """The rows of an episode, with all columns that the map file names.
+
+        Raises:
+            SourceError: the source does not have one of them.
+        """
+        rows = self.rows(name, self._wanted)
+        for column in self._wanted:
+            if column not in rows.columns:
+                raise SourceError(
+                    self.settings.map.path or str(self.path),
+                    f"[columns] names {column!r}, which is no column of numbers of {self.path.name}.",
+                    ", ".join(self.widths()),
+                )
+        columns = {column: rows.columns[column] for column in self._wanted}
+        if not columns:
+            raise SourceError(str(self.path), "no column of it is named.", "[columns]")
+        current().demand("frames", len(next(iter(columns.values()))), f"{self.path}: {name}")
+        return Rows(columns, rows.number, rows.t, rows.instruction)
 
     @cached_property
     def _wanted(self) -> list[str]:
         """Names of the mapped columns."""
-        spec = self._columns
-        texts = [
-            text
-            for body in spec.body.values()
-            for text in body.model_dump(exclude_none=True).values()
-        ]
-        texts += [v for k, v in spec.model_dump(exclude_none=True).items() if k != "body"]
-        texts += [self._joints_at] * bool(self._joints_at)
-        return list(dict.fromkeys([column_of(text) for text in texts]))
+        said = self._columns.model_dump(exclude_none=True)
+        texts = [text for body in said.pop("body").values() for text in body.values()]
+        texts += [*said.values(), *([self._joints_at] if self._joints_at else [])]
+        return list(dict.fromkeys(_split(text)[0] for text in texts))
 
     @cached_property
     def _joints_at(self) -> str:
@@ -171,17 +187,10 @@ class ColumnImporter(Importer):
         Raises:
             SourceError: none is known, and the robot needs one.
         """
-        if self._columns.joint_position is not None:
-            return self._columns.joint_position
-        if self.settings.robot is None:
-            return ""
+        if self._columns.joint_position is not None or self.settings.robot is None:
+            return self._columns.joint_position or ""
         model = load_robot(self.settings.robot, self.settings.assets)
         return joint_column(model, self.widths(), str(self.path))
-
-    @property
-    def joint_source(self) -> str:
-        """Name of the column of joint positions; "" of none."""
-        return column_of(self._joints_at) if self._joints_at else ""
 
     def _order(self, where: str) -> QuaternionOrder:
         order = self.settings.stated_order
@@ -201,7 +210,7 @@ class ColumnImporter(Importer):
         if dt is not None:
             return np.arange(count, dtype=np.float64) * dt
         if self._columns.time is not None:
-            stamps: F64 = part_of(rows.columns, self._columns.time, 1, where)[:, 0]
+            stamps: F64 = _part(rows.columns, self._columns.time, 1, where)[:, 0]
             return np.asarray(stamps - stamps[0])
         if rows.t is None:
             raise SourceError(
@@ -210,16 +219,38 @@ class ColumnImporter(Importer):
             )  # fmt: skip
         return rows.t
 
-    def _placed(self, rows: Rows, scene: SceneBuilder) -> Placed | None:
-        """The robot's links by ``--robot`` and the joint positions; its base stands at the world's origin."""
-        if self.settings.robot is None:
-            return None
+    # ---- the robot
+
+    def _robot(self, columns: dict[str, F64], scene: SceneBuilder) -> None:
+        """Its columns; all its links by ``--robot``, with the base at the world's origin; else its base alone."""
+        parts = {
+            name: _part(columns, spec, None, scene.where)
+            for name in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
+            if (spec := getattr(self._columns, name)) is not None
+        }
+        if self.settings.robot is not None:
+            parts.pop("joint_position", None)
+            unit = self._place(_part(columns, self._joints_at, None, scene.where), scene)
+            if "joint_velocity" in parts:
+                parts["joint_velocity"] = parts["joint_velocity"] * unit
+            scene.record(**parts)
+            return
+        if not any(b.kind in ("robot", "gripper") for b in scene.bodies):
+            base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
+            scene.add(base, still_track((0, 0, 0), (1, 0, 0, 0)))
+        count = max((v.shape[1] for n, v in parts.items() if n.startswith("joint")), default=0)
+        if count:
+            scene.account.guessed("names and kinds of joints", "numbered, revolute")
+        scene.joints += [Joint(name=f"joint_{i}", kind="revolute") for i in range(count)]
+        scene.record(**parts)
+
+    def _place(self, values: F64, scene: SceneBuilder) -> F64:
+        """Add the robot's links by its joint positions; (n,) rad or m for one of what these are in."""
         if self._columns.joint_position is None:
             scene.account.guessed(
                 "column of the joint positions", self._joints_at,
                 remedy="[columns] joint_position in the map file",
             )  # fmt: skip
-        values = part_of(rows.columns, self._joints_at, None, scene.where)
         entry = self.settings.map.of_body("robot_base")
         place = (0.0, 0.0, 0.0) if entry is None or entry.position is None else entry.position
         turn = (1.0, 0.0, 0.0, 0.0) if entry is None else tuple(entry.orientation)
@@ -228,31 +259,10 @@ class ColumnImporter(Importer):
                 "place of the robot's base", "the origin of the world",
                 remedy="[body.robot_base] position, orientation in the map file",
             )  # fmt: skip
-        part = _split(self._joints_at)[1]
-        names = tuple(plain(name) for name in rows.joints[part])
-        names = names if len(names) == values.shape[1] else ()
+        column, part = _split(self._joints_at)
+        names = [plain(name) for name in self.widths().get(column, ())[part] if name]
+        names = names if len(names) == values.shape[1] else []
         return scene.place_robot("robot_base", still_track(place, turn), values, names=names)
-
-    def _robot(
-        self, columns: dict[str, F64], rows: int, scene: SceneBuilder, placed: Placed | None
-    ) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        parts = {
-            name: part_of(columns, spec, None, scene.where)
-            for name in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
-            if (spec := getattr(self._columns, name)) is not None
-        }
-        if placed is not None:
-            parts["joint_position"] = placed.columns
-            if "joint_velocity" in parts:
-                parts["joint_velocity"] = parts["joint_velocity"] * placed.unit
-            return robot_frames(rows, **{"gripper": placed.gripper, **parts}), placed.joints
-        count = max(
-            (v.shape[1] for name, v in parts.items() if name.startswith("joint")), default=0
-        )
-        if count:
-            scene.account.guessed("names and kinds of joints", "numbered, revolute")
-        joints = tuple(Joint(name=f"joint_{i}", kind="revolute") for i in range(count))
-        return robot_frames(rows, **parts), joints
 
     # ---- the header and the account
 
@@ -266,7 +276,7 @@ class ColumnImporter(Importer):
             )
         success = moment = None
         if self._columns.success is not None:
-            reached = part_of(rows.columns, self._columns.success, 1, str(self.path))[:, 0] > 0.5
+            reached = _part(rows.columns, self._columns.success, 1, str(self.path))[:, 0] > 0.5
             success = bool(reached.any())
             moment = float(t[int(np.argmax(reached))]) if success else None
         hold = None if moment is None else float(t[-1] - moment)
@@ -303,17 +313,46 @@ class ColumnImporter(Importer):
             )  # fmt: skip
 
 
-def no_column(map_path: str, column: str, of: str, there: Iterable[str]) -> SourceError:
-    """The error for a column that the map file names and the source does not have."""
-    return SourceError(map_path, f"[columns] names {column!r}, which is no {of}.", ", ".join(there))
+def numbers(columns: Mapping[str, Any]) -> dict[str, F64]:
+    """Column → (N, k) of those whose rows are numbers, as many in each; not of texts."""
+    out = {}
+    for name, values in columns.items():
+        try:
+            array = np.asarray(values, np.float64)
+        except (ValueError, TypeError):
+            continue
+        if array.ndim in (1, 2) and array.size:
+            out[name] = array.reshape(len(array), -1)
+    return out
 
 
-def column_of(text: str) -> str:
-    """``"observation.state[3:7]"`` → ``observation.state``."""
-    return _split(text)[0]
+def parquet_columns(file: Path, wanted: Collection[str] | None = None) -> dict[str, F64]:
+    """The columns of numbers of a Parquet file, or those of them that are wanted.
+
+    Raises:
+        TraceError: it is damaged, or would become more bytes than the limit allows.
+    """
+    import pyarrow.parquet as pq
+
+    try:
+        opened = pq.ParquetFile(arrow_file(file))
+        meta, schema = opened.metadata, opened.schema
+        names = [n for n in opened.schema_arrow.names if wanted is None or n in wanted]
+        read = [i for i in range(meta.num_columns)
+                if schema.column(i).path.partition(".")[0] in names]  # fmt: skip
+        groups = [meta.row_group(n) for n in range(meta.num_row_groups)]
+        values = sum(max(0, group.column(i).num_values) for group in groups for i in read)
+        current().demand_decoded(8 * values, file.stat().st_size, str(file))
+        table = opened.read(columns=names)
+        return numbers({name: table[name].to_pylist() for name in table.column_names})
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError, MemoryError) as error:
+        if isinstance(error, TraceError):
+            raise
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise TraceError(str(file), f"cannot be read: {reason}.", fix="download it again") from None
 
 
-def part_of(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
+def _part(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
     """Return (T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
     name, part = _split(text)
     values = columns[name][:, part]
@@ -326,6 +365,7 @@ def part_of(columns: dict[str, F64], text: str, width: int | None, where: str) -
 
 
 def _split(text: str) -> tuple[str, slice]:
+    """``"observation.state[3:7]"`` → ``observation.state``, and its part."""
     match = re.fullmatch(r"(.*?)(?:\[(\d+)(?::(\d+))?\])?", text.strip(), re.DOTALL)
     assert match is not None
     if match[2] is None:
@@ -336,14 +376,12 @@ def _split(text: str) -> tuple[str, slice]:
 
 def _track(columns: dict[str, F64], spec: BodyColumns, order: QuaternionOrder, where: str) -> Track:
     """The track of a body by its columns."""
-    parts = {
-        part: part_of(columns, getattr(spec, part), width, where)
-        for part, width in (
-            ("position", 3), ("orientation", 4), ("linear_velocity", 3), ("angular_velocity", 3),
-        )
-        if getattr(spec, part) is not None
-    }  # fmt: skip
-    turn = to_wxyz(parts["orientation"], order, where)
-    return make_track(
-        parts["position"], turn, parts.get("linear_velocity"), parts.get("angular_velocity")
-    )
+    widths = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
+    parts = [
+        None if (text := getattr(spec, name)) is None else _part(columns, text, width, where)
+        for name, width in widths.items()
+    ]
+    position, turn, linear, angular = parts
+    assert position is not None
+    assert turn is not None
+    return make_track(position, to_wxyz(turn, order, where), linear, angular)

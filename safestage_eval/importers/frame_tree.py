@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.errors import TraceError
-from safestage_eval.geometry.pose import compose, unit
+from safestage_eval.geometry.pose import compose
+
+from .foreign_motion import NORM
 
 F64 = NDArray[np.float64]
+Pose = tuple[F64, F64]
 
 DEEPEST = 1000
 """Frames below one another; an arm has ten."""
-Pose = tuple[F64, F64]
 
 
 @dataclass
@@ -24,20 +26,18 @@ class Samples:
     Attributes:
         parent: name of the frame that it is given in.
         time: ns, of each sample, by the clock of the recording.
-        position: (3,) m each.
-        orientation: wxyz each.
+        pose: x, y, z in m and w, x, y, z of each sample.
     """
 
     parent: str
     time: list[int] = field(default_factory=list)
-    position: list[tuple[float, float, float]] = field(default_factory=list)
-    orientation: list[tuple[float, float, float, float]] = field(default_factory=list)
+    pose: list[tuple[float, ...]] = field(default_factory=list)
 
 
 class Edge:
     """The motion of a frame in its parent's: sorted, of unit norm, the latest of equal times."""
 
-    def __init__(self, name: str, samples: Samples, where: str, origin: int = 0) -> None:
+    def __init__(self, name: str, samples: Samples, where: str, origin: int) -> None:
         """Times become s after ``origin`` (ns), before doubles lose their last digits.
 
         Raises TraceError for numbers that are not finite, or quaternions far from unit norm.
@@ -47,19 +47,19 @@ class Edge:
         order = np.argsort(stamps, kind="stable")
         time = stamps[order] * 1e-9
         last = np.append(np.diff(time) > 0, True)
-        self.time: F64 = time[last]
-        position = np.asarray(samples.position, np.float64)[order][last]
-        orientation = np.asarray(samples.orientation, np.float64)[order][last]
-        norm = np.linalg.norm(orientation, axis=1)
-        off = np.flatnonzero(~(np.abs(norm - 1) < 1e-2) | ~np.isfinite(position).all(axis=1))
+        order, self.time = order[last], time[last]
+        pose = np.asarray(samples.pose, np.float64)[order]
+        self.position, turn = pose[:, :3], pose[:, 3:]
+        norm = np.linalg.norm(turn, axis=1)
+        off = np.flatnonzero(~(np.abs(norm - 1) < NORM) | ~np.isfinite(self.position).all(axis=1))
         if len(off):
             raise TraceError(
                 where,
                 f"frame {name!r}: the transform at {self.time[off[0]]:.3f} s has position "
-                f"{position[off[0]].tolist()} and a quaternion of norm {norm[off[0]]:.4g}.",
+                f"{self.position[off[0]].tolist()} and a quaternion of norm {norm[off[0]]:.4g}.",
                 "finite positions, unit quaternions",
             )
-        self.position, self.orientation = position, unit(orientation)
+        self.orientation: F64 = turn / norm[:, None]
 
     @property
     def moves(self) -> bool:
@@ -71,29 +71,15 @@ class Edge:
 
         Before the first and after the last sample it stays where it was then.
         """
+        from scipy.spatial.transform import Rotation, Slerp
+
         if len(self.time) == 1:
-            return (
-                np.repeat(self.position, len(t), axis=0),
-                np.repeat(self.orientation, len(t), axis=0),
-            )
-        right = np.clip(np.searchsorted(self.time, t), 1, len(self.time) - 1)
-        left = right - 1
-        span = self.time[right] - self.time[left]
-        share = np.clip((t - self.time[left]) / span, 0.0, 1.0)[:, None]
-        position = (1 - share) * self.position[left] + share * self.position[right]
-        return position, slerp(self.orientation[left], self.orientation[right], share)
-
-
-def slerp(a: F64, b: F64, share: F64) -> F64:
-    """Return the (T, 4) wxyz between unit quaternions along the shorter arc (Shoemake, SIGGRAPH 1985)."""
-    dot = np.sum(a * b, axis=1, keepdims=True)
-    b = np.where(dot < 0, -b, b)
-    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
-    small = angle < 1e-6
-    sine = np.where(small, 1.0, np.sin(angle))
-    w_a = np.where(small, 1 - share, np.sin((1 - share) * angle) / sine)
-    w_b = np.where(small, share, np.sin(share * angle) / sine)
-    return unit(w_a * a + w_b * b)
+            return np.repeat(self.position, len(t), 0), np.repeat(self.orientation, len(t), 0)
+        within = np.clip(t, self.time[0], self.time[-1])
+        position = np.stack([np.interp(within, self.time, p) for p in self.position.T], axis=1)
+        turns = Rotation.from_quat(self.orientation[:, [1, 2, 3, 0]])
+        x, y, z, w = Slerp(self.time, turns)(within).as_quat().T
+        return position, np.stack([w, x, y, z], axis=1)
 
 
 class FrameTree:
@@ -141,8 +127,7 @@ class FrameTree:
 
     def pose(self, name: str, t: F64) -> Pose:
         """Return (T, 3) m and (T, 4) wxyz of the frame in its root, at times (T,) s."""
-        position, orientation = np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1))
+        pose = np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1))
         for link in reversed(self.chain(name)):
-            step = self.edges[link].at(t)
-            position, orientation = compose(position, orientation, *step)
-        return position, orientation
+            pose = compose(*pose, *self.edges[link].at(t))
+        return pose

@@ -12,14 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError, TraceError
+from safestage_eval.size_limits import current
 
-from .hdf5_links import check_links
 from .importer import SourceError
 
 _LOOKED_AT: set[tuple[Path, int, int]] = set()
 """Files without ways out, by path, time of change and size."""
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
+
+DEEPEST = 32
+"""Groups inside each other."""
+
+MOST_BYTES = 1 << 33
+"""Bytes that one dataset may unpack to."""
 
 
 def is_hdf5(path: Path) -> bool:
@@ -51,7 +57,7 @@ def open_hdf5(path: Path) -> Any:
         checked = (path, stat.st_mtime_ns, stat.st_size) in _LOOKED_AT
         file = h5py.File(path, "r")
         if not checked:
-            check_links(file, str(path))
+            _check(file, str(path), set())
             _LOOKED_AT.add((path, stat.st_mtime_ns, stat.st_size))
         return file
     except OSError as error:
@@ -59,6 +65,54 @@ def open_hdf5(path: Path) -> Any:
             str(path), f"cannot be read: {error}.",
             fix="download it again; a recording that was killed may leave such a file",
         ) from None  # fmt: skip
+    except (RuntimeError, KeyError, ValueError) as error:
+        lines = str(error).strip("'\"").splitlines() or [type(error).__name__]
+        raise SourceError(
+            str(path), f"a damaged HDF5 file: {lines[0]}.", fix="download it again"
+        ) from None
+
+
+def _check(group: Any, where: str, seen: set[Any], depth: int = 0) -> None:
+    """Look at every group and dataset for what leads out of the file, or would not fit into memory.
+
+    A dataset can have its numbers in any other file of this machine (external storage, virtual datasets), a link can
+    lead into another file, and groups can be linked twice: round in a circle, or by so many ways that nobody comes to
+    an end.
+
+    Raises:
+        SourceError: one does.
+    """
+    import h5py
+
+    if depth > DEEPEST:
+        raise _refused(where, group.name, f"more than {DEEPEST} groups inside each other")
+    key = h5py.h5o.get_info(group.id).addr
+    if key in seen:
+        raise _refused(where, group.name, "a group that is linked twice, or lies inside itself")
+    seen.add(key)
+    for name in group:
+        link, place = group.get(name, getlink=True), f"{group.name}/{name}"
+        if isinstance(link, h5py.ExternalLink):
+            raise _refused(where, place, f"a link to the file {link.filename!r}")
+        if isinstance(link, h5py.SoftLink) and group.get(name) is None:
+            raise _refused(where, place, f"a link to {link.path!r}, nowhere")
+        item = group[name]
+        if isinstance(item, h5py.Group):
+            _check(item, where, seen, depth + 1)
+        elif isinstance(item, h5py.Dataset):
+            if item.external or item.is_virtual:
+                raise _refused(where, place, "its numbers are in another file or dataset")
+            size = (item.size or 0) * max(item.dtype.itemsize, 8)
+            if size > MOST_BYTES:
+                raise _refused(where, place, f"{item.size:,} values")
+            current().demand_decoded(size, item.id.get_storage_size(), f"{where}, {place}")
+
+
+def _refused(where: str, name: str, problem: str) -> SourceError:
+    return SourceError(
+        where, f"{name}: {problem}.", "files that hold their own numbers",
+        "do not trust this file, or copy it with h5repack",
+    )  # fmt: skip
 
 
 def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[np.float64]:
@@ -130,3 +184,10 @@ def numbered(names: Any) -> list[str]:
         return stem, int(number) if number else -1, name
 
     return sorted(names, key=key)
+
+
+def demos(file: Any) -> list[Any]:
+    """The groups of demonstrations below ``data``, in order; none where there is no such group."""
+    data = file.get("data")
+    names = numbered(data) if hasattr(data, "keys") else []
+    return [data[name] for name in names if hasattr(data[name], "keys")]

@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 
@@ -97,11 +98,6 @@ class Importer(Format):
         """
         self.path, self.settings = path, settings
 
-    @classmethod
-    def columns_of(cls, path: Path) -> Sequence[str]:  # noqa: ARG003 — theirs
-        """Return the columns that a map file may name, where nothing is read without it; else nothing."""
-        return ()
-
     @abstractmethod
     def episodes(self) -> Sequence[str]:
         """Return the names of the source's episodes in order, without reading their data."""
@@ -124,3 +120,12 @@ class Importer(Format):
 
     def close(self) -> None:
         """Let go of open files."""
+
+
+def json_table(path: Path) -> dict[str, Any]:
+    """Return the table of a JSON file that stands beside data; an empty one without it, or where it is damaged."""
+    try:
+        table = from_json(path.read_text("utf-8"), foreign=True)
+    except (OSError, ValueError):
+        return {}
+    return table if isinstance(table, dict) else {}

@@ -64,37 +64,19 @@ class Sidecars:
             keys["surface" if away else "container"] = "destination"
             for key, role in keys.items():
                 value = params.get(key)
-                names = (
-                    [value] if isinstance(value, str) else value if isinstance(value, list) else []
-                )
+                names = value if isinstance(value, list) else [value]
                 players[role].update(dict.fromkeys(name for name in names if isinstance(name, str)))
         return {role: tuple(names) for role, names in players.items() if names}
 
-    @property
-    def rotations_speak_for(self) -> str | None:
-        """The quaternion order in which most of the configuration's rotations are near the identity.
-
-        A hint for a message: most assets are spawned unturned, (1, 0, 0, 0) or (0, 0, 0, 1).
-        """
-        scene = self.config.get("scene")
-        assets = scene.values() if isinstance(scene, dict) else ()
-        rotations = [get_inside(a, "init_state", "rot") for a in assets if isinstance(a, dict)]
-        turns = [r for r in rotations if isinstance(r, list) and len(r) == 4]
-        first = sum(abs(r[0]) > 0.99 for r in turns)
-        last = sum(abs(r[3]) > 0.99 for r in turns)
-        return "wxyz" if first > last else "xyzw" if last > first else None
-
     def result(self, file: Path, demo: str) -> dict[str, Any]:
         """Return the result of one episode; ``run_2.hdf5`` ``demo_5`` is run 2, environment 5."""
-        run = re.search(r"run_(\d+)$", file.stem)
-        env = re.search(r"(\d+)$", demo)
+        run, env = re.search(r"run_(\d+)$", file.stem), re.search(r"(\d+)$", demo)
         for line in self.results:
             number = line.get("run")
             if number is None and (match := re.search(r"_(\d+)$", str(line.get("run_name", "")))):
                 number = int(match[1])
             same_run = run is None or number is None or int(run[1]) == number
-            same_env = env is None or int(env[1]) == line.get("env_id", 0)
-            if same_run and same_env:
+            if same_run and (env is None or int(env[1]) == line.get("env_id", 0)):
                 return line
         return {}
 
@@ -102,47 +84,26 @@ class Sidecars:
 def read_sidecars(recording: Path) -> Sidecars:
     """Read the files beside a recording."""
     problems: list[str] = []
-    config = _json(recording.parent / "env_cfg.json", problems)
-    lines: list[Any] = []
-    for folder in (recording.parent, recording.parent.parent):
-        for name in RESULTS:
-            path = folder / name
-            if path.is_file() and not lines:
-                lines = _lines(path, problems)
-    names = {recording.parent.name, *_names(config)}
-    mine = [line for line in lines if isinstance(line, dict) and _about(line, names)]
-    return Sidecars(config if isinstance(config, dict) else {}, tuple(mine), tuple(problems))
 
+    def read(path: Path) -> Any:
+        try:
+            text = path.read_text("utf-8")
+            if path.suffix == ".jsonl":
+                return [from_json(line, foreign=True) for line in text.splitlines() if line.strip()]
+            return from_json(text, foreign=True)
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            problems.append(f"{path.name}: {error}")
+            return None
 
-def _about(line: dict[str, Any], names: set[str]) -> bool:
-    return line.get("env_name") in names or line.get("env_name") is None
-
-
-def _names(config: Any) -> set[str]:
-    name = config.get("_task_name") if isinstance(config, dict) else None
-    return {name} if isinstance(name, str) else set()
-
-
-def _lines(path: Path, problems: list[str]) -> list[Any]:
-    if path.suffix == ".json":
-        entries = _json(path, problems)
-        return entries if isinstance(entries, list) else []
-    try:
-        text = path.read_text("utf-8")
-        return [from_json(line, foreign=True) for line in text.splitlines() if line.strip()]
-    except (OSError, ValueError) as error:
-        problems.append(f"{path.name}: {error}")
-        return []
-
-
-def _json(path: Path, problems: list[str]) -> Any:
-    try:
-        return from_json(path.read_text("utf-8"), foreign=True)
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        problems.append(f"{path.name}: {error}")
-        return {}
+    config = read(recording.parent / "env_cfg.json")
+    config = config if isinstance(config, dict) else {}
+    places = [folder / n for folder in (recording.parent, recording.parent.parent) for n in RESULTS]
+    lines = next((found for path in places if isinstance(found := read(path), list) and found), [])
+    names = (recording.parent.name, config.get("_task_name"), None)
+    mine = [line for line in lines if isinstance(line, dict) and line.get("env_name") in names]
+    return Sidecars(config, tuple(mine), tuple(problems))
 
 
 def _positive(value: Any) -> float | None:

@@ -12,6 +12,7 @@ from typing import Any
 from safestage_eval.formats.discover import MCAP_MAGIC
 
 from . import hdf5
+from .bag_files import topics
 from .importer import Refused, SourceError
 
 RECORD = "are recorded whole by safestage-record (docs/record_anywhere.md)"
@@ -120,7 +121,7 @@ def _joint_only(path: Path, file: Any) -> Known | None:
     elif "observation/robot_state" in file:
         name, text = "raw DROID: HDF5 with observation/robot_state", "droid"
     else:
-        demos = [d for d in _demos(file) if {"obs", "actions"} & set(d)]
+        demos = [d for d in hdf5.demos(file) if {"obs", "actions"} & set(d)]
         if not demos or "states" in demos[0]:
             return None
         group = demos[0]
@@ -131,13 +132,6 @@ def _joint_only(path: Path, file: Any) -> Known | None:
     return Known(name, lacks, ask_for(f"{path} {' '.join(seen)} {text}"))
 
 
-def _demos(file: Any) -> list[Any]:
-    data = file.get("data")
-    if data is None or not hasattr(data, "keys"):
-        return []
-    return [data[name] for name in hdf5.numbered(data) if hasattr(data[name], "keys")]
-
-
 def _args(file: Any) -> object:
     return file["data"].attrs.get("env_args", "") if "data" in file else ""
 
@@ -145,7 +139,7 @@ def _args(file: Any) -> object:
 def in_hdf5(path: Path) -> Known | None:
     """The kind of an HDF5 file. Raises SourceError when it is damaged."""
     with hdf5.open_hdf5(path) as file, hdf5.layout(str(path)):
-        demos = _demos(file)
+        demos = hdf5.demos(file)
         if "Trial0" in file and "env_infos" in file["Trial0"]:
             return ROBOHIVE
         if "scene_file" in file.get("data", file).attrs or (demos and "state_size" in demos[0]):
@@ -166,24 +160,10 @@ def in_hdf5(path: Path) -> Known | None:
 
 def in_mcap(path: Path) -> Known | None:
     """An MCAP file that has no transforms, with its topics; None of a trace or a damaged file."""
-    from mcap.reader import make_reader
-
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream)
-            if reader.get_header().profile == "safestage":
-                return None
-            summary = reader.get_summary()
-    except Exception:  # noqa: BLE001 — the reader fails in many ways on damaged bytes
+    found = [f"{topic} ({kind})" for topic, kind in topics(path).items()]
+    if not found:
         return None
-    if summary is None:
-        return None
-    topics = [
-        f"{channel.topic} ({schema.name if schema else '-'})"
-        for channel in summary.channels.values()
-        for schema in (summary.schemas.get(channel.schema_id),)
-    ]
-    listed = ", ".join(sorted(topics)[:20]) or "none"
+    listed = ", ".join(sorted(found)[:20])
     return Known(NO_POSES.name, f"{NO_POSES.lacks}; its topics: {listed}", NO_POSES.fix)
 
 

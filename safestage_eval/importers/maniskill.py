@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._text.json_text import from_json, get_inside
-from safestage_eval.episode import Body, Episode, Joint, RobotFrames, Source, Track
+from safestage_eval._text.json_text import get_inside
+from safestage_eval.episode import Body, Episode, Source, Track
 from safestage_eval.episode.body import BodyKind
 from safestage_eval.errors import TraceError
 
 from . import hdf5
 from .account import Account
-from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
-from .importer import Importer, Settings, SourceError
-from .missing_data import say_links, say_success
-from .scene_builder import SceneBuilder, robot_frames
+from .foreign_motion import at_origin, make_track, to_wxyz
+from .importer import Importer, Settings, SourceError, json_table
+from .missing_data import say_success
+from .scene_builder import SceneBuilder
 
 F64 = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class ManiSkill(Importer):
         """Open both files."""
         super().__init__(path, settings)
         self._file = hdf5.open_hdf5(path)
-        self._about = _json(path.with_suffix(".json"))
+        self._about = json_table(path.with_suffix(".json"))
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -97,24 +97,28 @@ class ManiSkill(Importer):
                 "writes env_states as a dictionary of actors",
             )  # fmt: skip
         scene = SceneBuilder(self.settings, where, account)
-        dt = scene.gaps.ask(lambda: self._dt(account), 1.0)
+        dt = scene.ask(self._dt, 1.0)
         for actor in sorted(states["actors"]):
             _actor(actor, states["actors"], scene)
-        frames, joints = self._robots(states, group, scene)
+        length = len(states["actors"][next(iter(states["actors"]))])
+        self._articulations(states, length, scene)
+        if "actions" in group and not hasattr(group["actions"], "keys"):
+            rows = hdf5.rows(group, "actions", where)
+            scene.record(action=rows[np.minimum(np.arange(length), len(rows) - 1)])
         scene.need_shapes("ManiSkill records none")
-        scene.gaps.refuse()
+        scene.refuse()
         _remark(scene)
-        t = np.arange(len(frames.action), dtype=np.float64) * dt
+        t = np.arange(length, dtype=np.float64) * dt
         about = self._about_episode(name, group, dt, t, account)
-        return scene.episode(t, frames, com="the bodies' origins", joints=joints, **about)
+        return scene.episode(t, com="the bodies' origins", **about)
 
-    def _dt(self, account: Account) -> float:
-        self._physics_dt = 0.01
-        kwargs = get_inside(self._about, "env_info", "env_kwargs") or {}
-        rate = get_inside(kwargs, "sim_config", "control_freq")
-        dt = self.settings.stated_dt or (
-            1 / rate if isinstance(rate, int | float) and rate > 0 else None
-        )
+    def _rate(self, key: str) -> float | None:
+        """S for one of a frequency in the environment's ``sim_config``."""
+        rate = get_inside(self._about, "env_info", "env_kwargs", "sim_config", key)
+        return 1 / rate if isinstance(rate, int | float) and rate > 0 else None
+
+    def _dt(self) -> float:
+        dt = self.settings.stated_dt or self._rate("control_freq")
         if dt is None:
             raise SourceError(
                 str(self.path),
@@ -122,28 +126,14 @@ class ManiSkill(Importer):
                 fix="--dt 1/20, ManiSkill's default control rate, or that of the task's "
                 "SimConfig(control_freq=…)",
             )
-        physics = get_inside(kwargs, "sim_config", "sim_freq")
-        if self.settings.map.source.physics_dt is None and not isinstance(physics, int | float):
-            account.guessed(
-                "physics step", "1/100 s, ManiSkill's default",
-                remedy="[source] physics_dt in the map file",
-            )  # fmt: skip
-        self._physics_dt = self.settings.map.source.physics_dt or (
-            1 / physics if isinstance(physics, int | float) and physics > 0 else 0.01
-        )
         return dt
 
-    def _robots(
-        self, states: Any, group: Any, scene: SceneBuilder
-    ) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        length = len(states["actors"][next(iter(states["actors"]))])
-        position, velocity = [np.zeros((length, 0))], [np.zeros((length, 0))]
-        joints: list[Joint] = []
-        opening: F64 | None = None
+    def _articulations(self, states: Any, length: int, scene: SceneBuilder) -> None:
         inside = f"{scene.where}/env_states/articulations"
         articulations = states.get("articulations", {})
         if not hasattr(articulations, "keys"):
             raise TraceError(inside, "is no group.", "a dataset for each articulation")
+        robots = get_inside(self._about, "env_info", "env_kwargs", "robot_uids")
         for name in sorted(articulations):
             values = hdf5.rows(articulations, name, inside)
             count, odd = divmod(values.shape[1] - ROOT, 2)
@@ -151,35 +141,10 @@ class ManiSkill(Importer):
                 raise TraceError(
                     f"{inside}/{name}", f"shape {values.shape}.", f"({length}, 13 + 2 × joints)"
                 )
-            position.append(values[:, ROOT : ROOT + count])
-            velocity.append(values[:, ROOT + count :])
-            own = f"{name}_base" if name in ("robot", "gripper") else name
-            robot = name in str(
-                get_inside(self._about, "env_info", "env_kwargs", "robot_uids") or name
-            )
-            raw = Body(name=own, kind="robot" if robot else "fixture", untold=("links",))
-            body, motion = fixed_if_still(
-                scene.describe(raw), _motion(values[:, :ROOT], raw, f"{inside}/{name}")
-            )
-            taken = {*states["actors"], *articulations}
-            placed = scene.place_robot(own, motion, position[-1], taken=taken) if robot else None
-            if placed is not None:
-                joints += placed.joints
-                opening = placed.gripper
-                continue
-            scene.add(body, motion)
-            joints += [Joint(name=f"{name}_{i}", kind="revolute", body=own) for i in range(count)]
-            say_links(scene.account, name)
-        action = None
-        if "actions" in group and not hasattr(group["actions"], "keys"):
-            rows = hdf5.rows(group, "actions", scene.where)
-            if len(rows):
-                action = rows[np.minimum(np.arange(length), len(rows) - 1)]
-        frames = robot_frames(
-            length, joint_position=np.hstack(position), joint_velocity=np.hstack(velocity),
-            action=action, gripper=opening,
-        )  # fmt: skip
-        return frames, tuple(joints)
+            motion = _motion(values[:, :ROOT], (0.0, 0.0, 0.0), f"{inside}/{name}")
+            position, velocity = np.split(values[:, ROOT:], 2, axis=1)
+            robot, taken = name in str(robots or name), {*states["actors"], *articulations}
+            scene.articulation(name, motion, position, velocity, robot=robot, taken=taken)
 
     def _about_episode(
         self, name: str, group: Any, dt: float, t: F64, account: Account
@@ -192,6 +157,12 @@ class ManiSkill(Importer):
         success, moment = _success(group, about, t)
         hold = None if moment is None else float(t[-1] - moment)
         say_success(account, known=success is not None, hold=hold, how="the robot went on")
+        physics = self.settings.map.source.physics_dt or self._rate("sim_freq")
+        if physics is None:
+            account.guessed(
+                "physics step", "1/100 s, ManiSkill's default",
+                remedy="[source] physics_dt in the map file",
+            )  # fmt: skip
         seed = about.get("episode_seed", get_inside(about, "reset_kwargs", "seed"))
         steps = get_inside(self._about, "env_info", "max_episode_steps")
         full = isinstance(steps, int) and len(t) > steps
@@ -200,7 +171,7 @@ class ManiSkill(Importer):
             "policy": self._about.get("source_type"),
             "seed": seed if isinstance(seed, int) else None,
             "rollout": number if number >= 0 else None,
-            "physics_dt": self._physics_dt,
+            "physics_dt": physics or 0.01,
             "frame_dt": dt,
             "control_dt": dt,
             "success": success,
@@ -217,7 +188,7 @@ def _actor(name: str, actors: Any, scene: SceneBuilder) -> None:
     marker = "goal" in name
     kind: BodyKind = "region" if marker else "fixture" if "table" in name else "object"
     body = scene.describe(Body(name=name, kind=kind, untold=("up_axis", "cavity")))
-    scene.add(body, _motion(values, body, f"{scene.where}/{name}"))
+    scene.add(body, _motion(values, body.com, f"{scene.where}/{name}"))
 
 
 def _remark(scene: SceneBuilder) -> None:
@@ -229,10 +200,10 @@ def _remark(scene: SceneBuilder) -> None:
         )  # fmt: skip
 
 
-def _motion(values: F64, body: Body, where: str) -> Track:
-    """(T, 13) as SAPIEN has them."""
+def _motion(values: F64, com: tuple[float, float, float], where: str) -> Track:
+    """The track of (T, 13) as SAPIEN has them; ``com``: m, in the body frame."""
     turn = to_wxyz(values[:, 3:7], "wxyz", where)
-    linear = at_origin(values[:, 7:10], values[:, 10:13], turn, body.com)
+    linear = at_origin(values[:, 7:10], values[:, 10:13], turn, com)
     return make_track(values[:, :3], turn, linear, values[:, 10:13])
 
 
@@ -244,16 +215,6 @@ def _success(group: Any, about: dict[str, Any], t: F64) -> tuple[bool | None, fl
         return bool(rows.any()), None if first is None else float(t[min(first + 1, len(t) - 1)])
     stated = about.get("success", get_inside(about, "info", "success"))
     return (bool(stated), None) if isinstance(stated, bool | int) else (None, None)
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        table = from_json(path.read_text("utf-8"), foreign=True)
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        raise SourceError(str(path), f"cannot be read: {error}.") from None
-    return table if isinstance(table, dict) else {}
 
 
 IMPORTER = ManiSkill

@@ -21,12 +21,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
 
-from .column_episode import ColumnImporter, Rows, no_column
-from .importer import Settings, SourceError
+from .column_episode import ColumnImporter, Rows
+from .importer import Settings, SourceError, json_table
 from .tfrecord import numbers, parse_example, read_record, record_places
 
 F64 = NDArray[np.float64]
@@ -56,27 +55,20 @@ class Rlds(ColumnImporter):
         """Read the dataset's description.
 
         Raises:
-            SourceError: no column map, or files of a kind that is not read.
+            UnmappedError: no column map.
         """
-        self._info = _json(path / "dataset_info.json")
-        self._table = columns(_json(path / "features.json"))
+        self._info = json_table(path / "dataset_info.json")
+        self._table = columns(json_table(path / "features.json"))
+        self.publisher = str(self._info.get("name", ""))
         super().__init__(path, settings)
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
         """By ``features.json``, ``dataset_info.json`` and a feature ``steps``."""
-        if not path.is_dir():
+        if not (path / "dataset_info.json").is_file():
             return None
-        if not ((path / "features.json").is_file() and (path / "dataset_info.json").is_file()):
-            return None
-        known = columns(_json(path / "features.json"))
+        known = columns(json_table(path / "features.json"))
         return "RLDS: features.json has steps" if known else None
-
-    @classmethod
-    def columns_of(cls, path: Path) -> list[str]:
-        """Columns of numbers, with how many each row has."""
-        table = columns(_json(path / "features.json"))
-        return [f"{n}[0:{c.width}]" if c.width != 1 else n for n, c in table.items() if c.width]
 
     def episodes(self) -> list[str]:
         """``train_0``, ``train_1``, … in the order of splits and shards."""
@@ -90,35 +82,28 @@ class Rlds(ColumnImporter):
         """See ``ColumnImporter.widths``."""
         return {n: [""] * c.width for n, c in self._table.items() if c.width and not c.encoded}
 
-    def publisher(self) -> str:
-        """The dataset's name."""
-        return str(self._info.get("name", ""))
-
     def rows(self, name: str, wanted: Sequence[str]) -> Rows:
         """See ``ColumnImporter.rows``."""
         if name not in self._places:
             raise TraceError(f"{self.path}: {name}", "there is no such episode.")
-        for column in wanted:
-            known = self._table.get(column)
-            if known is None or known.width is None:
-                there = (n for n, c in self._table.items() if c.width)
-                raise no_column(self._map_path, column, "column of numbers in features.json", there)
-            if known.encoded:
-                raise SourceError(
-                    self._map_path, f"column {column!r} is stored in a compressed encoding.",
-                    fix='write the dataset with encoding="none"',
-                )  # fmt: skip
         file, place = self._places[name]
         where = f"{file}: {name}"
+        known = {n: self._table[n] for n in wanted if n in self._table and self._table[n].width}
+        encoded = [column for column, spec in known.items() if spec.encoded]
+        if encoded:
+            raise SourceError(
+                where, f"column {encoded[0]!r} is stored in a compressed encoding.",
+                fix='write the dataset with encoding="none"',
+            )  # fmt: skip
         features = parse_example(read_record(file, place), where)
-        columns = {n: _values(features, n, self._table[n].width or 1, where) for n in wanted}
-        counts = {n: len(values) for n, values in columns.items()}
+        found = {n: _values(features, n, spec.width or 1, where) for n, spec in known.items()}
+        counts = {n: len(values) for n, values in found.items()}
         if len(set(counts.values())) > 1 or 0 in counts.values():
             listed = ", ".join(f"{n}: {count}" for n, count in counts.items())
             raise TraceError(
                 where, f"its columns have different numbers of steps, or none ({listed})."
             )
-        return Rows(columns, int(name.rpartition("_")[2]), instruction=_instruction(features))
+        return Rows(found, int(name.rpartition("_")[2]), instruction=_instruction(features))
 
     @cached_property
     def _places(self) -> dict[str, tuple[Path, tuple[int, int]]]:
@@ -216,14 +201,6 @@ def _splits(info: dict[str, Any]) -> dict[str, list[int] | None]:
             )
             result[split["name"]] = [int(n) for n in lengths] if whole and lengths else None
     return result
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        table = from_json(path.read_text("utf-8"), foreign=True)
-    except (OSError, ValueError):
-        return {}
-    return table if isinstance(table, dict) else {}
 
 
 IMPORTER = Rlds

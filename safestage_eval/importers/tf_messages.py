@@ -1,24 +1,20 @@
-"""Transforms, shapes and robot descriptions out of other people's MCAP files.
+"""Transforms, joint states, shapes and robot descriptions out of the messages of a recording.
 
-Message definitions: tf2_msgs/TFMessage and geometry_msgs/TransformStamped (ROS 2), foxglove.FrameTransform,
-.FrameTransforms and .SceneUpdate (docs.foxglove.dev), in CDR, protobuf or JSON.
+Message definitions: tf2_msgs/TFMessage, geometry_msgs/TransformStamped, sensor_msgs/JointState (ROS),
+foxglove.FrameTransform, .FrameTransforms and .SceneUpdate (docs.foxglove.dev).
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from safestage_eval.errors import InputError, TraceError
 
+from .bag_files import messages
 from .frame_tree import Samples
-from .importer import SourceError
-from .mcap_whole import check_summary, whole_messages
-from .ros_bag import Message, bag_messages, is_bag, types
 
 TRANSFORMS = {
     "tf2_msgs/msg/TFMessage",
@@ -45,7 +41,7 @@ class Found:
         samples: frame → its transforms; times are those of the messages.
         entities: of scenes, by id; a later one replaces an earlier one.
         descriptions: URDF texts.
-        others: topics that were not looked at, with their schema.
+        others: topics that were not looked at.
         joints: name → times (ns) and positions (rad or m).
         disagreeing: frames that came under two parents; the first is kept.
     """
@@ -53,50 +49,9 @@ class Found:
     samples: dict[str, Samples] = field(default_factory=dict)
     entities: dict[str, Any] = field(default_factory=dict)
     descriptions: list[str] = field(default_factory=list)
-    others: dict[str, str] = field(default_factory=dict)
+    others: set[str] = field(default_factory=set)
     disagreeing: set[str] = field(default_factory=set)
     joints: dict[str, tuple[list[int], list[float]]] = field(default_factory=dict)
-
-
-def has_transforms(path: Path) -> bool:
-    """True if the file is a complete foreign MCAP or SQLite bag with transforms; raises SourceError without rosbags."""
-    from mcap.reader import make_reader
-
-    try:
-        if is_bag(path):
-            return bool(types(path) & TRANSFORMS)
-        with path.open("rb") as stream:
-            check_summary(stream)
-            stream.seek(0)
-            reader = make_reader(stream)
-            if reader.get_header().profile == "safestage":
-                return False
-            summary = reader.get_summary()
-            names = {s.name for s in summary.schemas.values()} if summary is not None else set()
-            return bool(names & TRANSFORMS)
-    except SourceError:
-        raise
-    except Exception:  # noqa: BLE001 — the readers of others fail in many ways on damaged bytes
-        return False
-
-
-def _stored(path: Path) -> Iterator[Message]:
-    """Yield (type, topic, time in ns, what decodes it) of all messages of a bag or an MCAP file."""
-    if is_bag(path):
-        yield from bag_messages(path)
-        return
-    decoders: dict[Any, Callable[[bytes], Any]] = {}
-    with path.open("rb") as stream:
-        for schema, channel, message in whole_messages(stream):
-
-            def decode(
-                schema: Any = schema, channel: Any = channel, data: Any = message.data
-            ) -> Any:
-                if channel.id not in decoders:
-                    decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
-                return decoders[channel.id](data)
-
-            yield schema.name if schema else "", channel.topic, message.log_time, decode
 
 
 def read_messages(paths: Iterable[Path]) -> Found:
@@ -106,20 +61,25 @@ def read_messages(paths: Iterable[Path]) -> Found:
         TraceError: a file is damaged.
         SourceError: messages in an encoding that cannot be read here.
     """
-    result = Found()
+    found = Found()
     for path in paths:
         try:
-            for kind, topic, time, decode in _stored(path):
-                take = _taker(kind, topic)
-                if take is None:
-                    result.others[topic] = kind or "-"
+            for kind, topic, time, decode in messages(path):
+                if kind in TRANSFORMS:
+                    _take_transforms(found, decode(), time)
+                elif kind in SCENES:
+                    found.entities |= {e.id: e for e in getattr(decode(), "entities", ())}
+                elif kind == JOINTS:
+                    _take_joints(found, decode(), time)
+                elif kind == DESCRIPTION and topic.rstrip("/").endswith("robot_description"):
+                    found.descriptions.append(decode().data)
                 else:
-                    take(result, decode(), time)
+                    found.others.add(topic)
         except InputError:
             raise
-        except Exception as error:  # noqa: BLE001 — as above
+        except Exception as error:  # noqa: BLE001 — decoders fail in many ways on damaged bytes
             raise TraceError(str(path), f"cannot be read: {error_line(error)}.") from None
-    return result
+    return found
 
 
 def error_line(error: Exception) -> str:
@@ -130,99 +90,39 @@ def error_line(error: Exception) -> str:
     return f"{type(error).__name__}: {lines[0][:200]}" if lines[0] else type(error).__name__
 
 
-def _taker(schema: str, topic: str) -> Callable[[Found, Any, int], None] | None:
-    if schema in TRANSFORMS:
-        return _take_transforms
-    if schema in SCENES:
-        return _take_scene
-    if schema == JOINTS:
-        return _take_joints
-    if schema == DESCRIPTION and topic.rstrip("/").endswith("robot_description"):
-        return lambda contents, message, _: contents.descriptions.append(message.data)
-    return None
-
-
-def _decoder(encoding: str, schema: Any, path: Path) -> Callable[[bytes], Any]:
-    if encoding == "json":
-        return _from_json
-    factory: Any
-    if encoding == "protobuf":
-        from mcap_protobuf.decoder import DecoderFactory
-
-        factory = DecoderFactory()
-    elif encoding == "cdr":
-        try:
-            from mcap_ros2.decoder import DecoderFactory as RosDecoderFactory
-        except ImportError:
-            raise SourceError(
-                str(path), "ROS 2 messages need a package.", fix="pip install 'safestage[import]'"
-            ) from None
-        factory = RosDecoderFactory()
-    else:
-        raise SourceError(
-            str(path), f"messages of {schema.name} in the encoding {encoding!r}.",
-            "cdr (ROS 2), protobuf, json", "convert the recording, e.g. with `rosbags-convert`",
-        )  # fmt: skip
-    decode = factory.decoder_for(encoding, schema)
-    if decode is None:
-        raise SourceError(
-            str(path), f"the schema of {schema.name} is written as {schema.encoding!r}.",
-            "ros2msg, protobuf, jsonschema",
-        )  # fmt: skip
-    return decode  # type: ignore[no-any-return]
-
-
-def _from_json(data: bytes) -> Any:
-    if b"\\ud" in data.lower():  # half of a pair of UTF-16 is no name that could be written
-        json.dumps(json.loads(data), ensure_ascii=False).encode()
-    return json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
-
-
-def _take_transforms(contents: Found, message: Any, log_time: int) -> None:
+def _take_transforms(found: Found, message: Any, log_time: int) -> None:
     several = getattr(message, "transforms", None)
     for one in [message] if several is None else several:
         if hasattr(one, "header"):  # ROS: TransformStamped
-            stamp, parent, child = one.header.stamp, one.header.frame_id, one.child_frame_id
+            stamp, parent = one.header.stamp, one.header.frame_id
             moved, turned = one.transform.translation, one.transform.rotation
         else:
-            stamp, parent, child = one.timestamp, one.parent_frame_id, one.child_frame_id
+            stamp, parent = one.timestamp, one.parent_frame_id
             moved, turned = one.translation, one.rotation
-        parent, child = parent.strip("/"), child.strip("/")
-        samples = contents.samples.setdefault(child, Samples(parent))
+        parent, child = parent.strip("/"), one.child_frame_id.strip("/")
+        samples = found.samples.setdefault(child, Samples(parent))
         if samples.parent != parent:
-            contents.disagreeing.add(child)
+            found.disagreeing.add(child)
             continue
-        samples.time.append(_within(_nanoseconds(stamp) or log_time))
-        samples.position.append((float(moved.x), float(moved.y), float(moved.z)))
-        turn = (float(turned.w), float(turned.x), float(turned.y), float(turned.z))
-        samples.orientation.append(turn)
+        samples.time.append(_nanoseconds(stamp, log_time))
+        pose = moved.x, moved.y, moved.z, turned.w, turned.x, turned.y, turned.z
+        samples.pose.append(tuple(map(float, pose)))
 
 
-def _take_joints(contents: Found, message: Any, log_time: int) -> None:
-    time = _within(_nanoseconds(message.header.stamp) or log_time)
-    for name, position in zip(
-        message.name, message.position, strict=False
-    ):  # either may be left out
-        times, positions = contents.joints.setdefault(str(name), ([], []))
+def _take_joints(found: Found, message: Any, log_time: int) -> None:
+    time = _nanoseconds(message.header.stamp, log_time)
+    for name, position in zip(message.name, message.position, strict=False):  # either may be empty
+        times, positions = found.joints.setdefault(str(name), ([], []))
         times.append(time)
         positions.append(float(position))
 
 
-def _nanoseconds(stamp: Any) -> int:
-    """Nanoseconds of a ROS, protobuf or JSON time; 0 where it was left out."""
+def _nanoseconds(stamp: Any, log_time: int) -> int:
+    """Nanoseconds of a ROS, protobuf or JSON time, or when it was logged. Raises ValueError beyond 64 bits."""
     whole = getattr(stamp, "sec", getattr(stamp, "seconds", 0))
     names = ("nanosec", "nsec", "nanos")
     part = next((getattr(stamp, name) for name in names if hasattr(stamp, name)), 0)
-    return int(whole) * 10**9 + int(part)
-
-
-def _within(time: int) -> int:
-    """Checked nanoseconds. Raises ValueError beyond 64 bits."""
+    time = int(whole) * 10**9 + int(part) or log_time
     if abs(time) > LATEST:
         raise ValueError(f"a transform at {time} ns")
     return time
-
-
-def _take_scene(contents: Found, message: Any, _: int) -> None:
-    for entity in getattr(message, "entities", ()):
-        contents.entities[entity.id] = entity

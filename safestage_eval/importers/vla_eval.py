@@ -14,19 +14,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
 
-from .column_episode import ColumnImporter, Rows, no_column
-from .importer import Settings, SourceError
+from .bag_files import SQLITE, begins
+from .column_episode import ColumnImporter, Rows, UnmappedError, numbers
+from .importer import Settings
 
-F64 = NDArray[np.float64]
+F64 = NDArray[Any]
 
-MAGIC = b"SQLite format 3\x00"
 EPISODES = """SELECT sid, eid, task_name, episode_id, status FROM episode_results
     ORDER BY eval_id, task_name, episode_id, sid, eid"""
 STEPS = "SELECT fields FROM step_rows WHERE sid = ? AND eid = ? ORDER BY step_id"
@@ -37,6 +36,7 @@ class VlaEval(ColumnImporter):
 
     name = "vla-eval"
     title = "recording of vla-eval (recording-*.sqlite)"
+    publisher = "vla-eval"
 
     def __init__(self, path: Path, settings: Settings) -> None:
         """Read which episodes there are.
@@ -51,11 +51,8 @@ class VlaEval(ColumnImporter):
     @classmethod
     def recognise(cls, path: Path) -> str | None:
         """By the tables of SQLite."""
-        if not path.is_file():
+        if begins(path) != SQLITE:
             return None
-        with path.open("rb") as stream:
-            if stream.read(16) != MAGIC:
-                return None
         try:
             with _open(path) as base:
                 tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master")}
@@ -89,15 +86,11 @@ class VlaEval(ColumnImporter):
             rows = [from_json(text, foreign=True) for text in texts]
         except ValueError as error:
             raise TraceError(f"{self.path}: {name}", f"a step is no JSON: {error}") from None
-        columns: dict[str, F64] = {}
-        for field in rows[0] if rows and all(isinstance(row, dict) for row in rows) else ():
-            try:
-                values = np.asarray([row[field] for row in rows], np.float64)
-            except (KeyError, ValueError, TypeError):
-                continue  # not in every step, or no numbers
-            if values.ndim <= 2 and values.size:
-                columns[field] = values.reshape(len(rows), -1)
-        return columns
+        tables = [row for row in rows if isinstance(row, dict)]
+        fields = tables[0] if tables and len(tables) == len(rows) else {}
+        return numbers(
+            {f: [row[f] for row in tables] for f in fields if all(f in r for r in tables)}
+        )
 
     def widths(self) -> dict[str, Sequence[str]]:
         """See ``ColumnImporter.widths``; of the first episode that has steps."""
@@ -107,17 +100,9 @@ class VlaEval(ColumnImporter):
                 return {column: [""] * values.shape[1] for column, values in found.items()}
         return {}
 
-    def seen(self) -> list[str]:
-        """Fields of the first episode."""
-        return list(self.widths())
-
-    def publisher(self) -> str:
-        """The harness."""
-        return "vla-eval"
-
-    def no_map(self) -> SourceError:
+    def no_map(self) -> UnmappedError:
         """See ``ColumnImporter.no_map``."""
-        return SourceError(
+        return UnmappedError(
             str(self.path),
             f"its steps have no poses of objects: {', '.join(self.seen()) or 'there are no steps'}.",
             fix='record whole rollouts with safestage_record.vla_eval(benchmark, "traces/") '
@@ -125,14 +110,10 @@ class VlaEval(ColumnImporter):
             "file names fields that a benchmark adds (docs/import/vla_eval.md)",
         )
 
-    def rows(self, name: str, wanted: Sequence[str]) -> Rows:
+    def rows(self, name: str, wanted: Sequence[str]) -> Rows:  # noqa: ARG002 — all are read
         """See ``ColumnImporter.rows``."""
-        columns = self._steps(name)
-        missing = [column for column in wanted if column not in columns]
-        if missing:
-            raise no_column(self._map_path, missing[0], "field of every step", columns)
         number = list(self._episodes).index(name)
-        return Rows({n: columns[n] for n in wanted}, number, None, self._episodes[name][2])
+        return Rows(self._steps(name), number, None, self._episodes[name][2])
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from safestage_eval.episode import Body, Episode
 from safestage_eval.errors import InputError
 
 from .account import Account
+from .column_episode import UnmappedError
 from .guess_roles import guess_bodies, guess_roles
 from .import_episode import Target
 from .import_source import recognised_in
@@ -53,11 +54,10 @@ def map_skeleton(source: Path, settings: Settings | None = None, *, only: str | 
         if isinstance(kind, InputError):
             failure = kind
             continue
-        theirs = importer(kind[0])
         try:
-            opened = theirs(path, settings)
+            opened = importer(kind[0])(path, settings)
         except SourceError as error:
-            columns += theirs.columns_of(path)
+            columns += error.columns if isinstance(error, UnmappedError) else ()
             failure = error
             continue
         try:

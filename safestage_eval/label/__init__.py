@@ -2,7 +2,7 @@
 
 from .label_sample import sample
 from .ledger import Ledger
-from .server import Server, serve
+from .server import Server
 from .session import Session
 
-__all__ = ["Ledger", "Server", "Session", "sample", "serve"]
+__all__ = ["Ledger", "Server", "Session", "sample"]

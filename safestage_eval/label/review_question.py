@@ -9,6 +9,7 @@ from typing import Any
 
 from safestage_eval.episode import Header
 from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
 from safestage_eval.report.rule_report import rule_facts
 from safestage_eval.rules import BindFile, RuleSet, bind_episode, syntax_words
 from safestage_eval.rules import syntax as ast
@@ -92,10 +93,10 @@ def _with_material_limits(
     return re.sub(r"the (\w+) of (\w+)", with_limits, text)
 
 
-def unasked(header: Header, rules: RuleSet, bind: BindFile | None = None) -> str | None:
+def unasked(ref: EpisodeRef, rules: RuleSet, bind: BindFile | None = None) -> str | None:
     """Why an episode cannot be reviewed; None if it can."""
     try:
-        binding = bind_episode(rules, header, bind=bind)
+        binding = bind_episode(rules, ref.open().header, bind=bind)
     except InputError as error:
         return str(error)
     if not binding.assigned:

@@ -33,11 +33,6 @@ class Server(GuardedServer):
         super().__init__(_Handler, Guard(names, largest=LARGEST_BODY), port)
 
 
-def serve(session: Session, port: int = 0, names: tuple[str, ...] = ()) -> Server:
-    """Bind a server that is not yet running. Raises InputError if the port is taken."""
-    return Server(session, port, names)
-
-
 class _Handler(GuardedHandler):
     server: Server
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any, Literal
+from typing import Any
 
-from safestage_eval._text.plural import first_few
+from safestage_eval._text.plural import count, first_few
 from safestage_eval.errors import InputError
 
 from .outcome import OPEN, Outcome
@@ -177,11 +177,6 @@ def _prompt_order(prompt: str) -> tuple[int, str]:
     return (PROMPTS.index(prompt) if prompt in PROMPTS else len(PROMPTS), prompt)
 
 
-Unevenness = Literal[
-    "missing", "unequal", "undecided", "not_judged", "no_seed", "no_stage", "two_stages"
-]
-
-
 @dataclass(frozen=True)
 class Cell:
     """One task and seed of a policy and prompt."""
@@ -205,97 +200,68 @@ class Uneven:
         cells: the tasks and seeds.
     """
 
-    kind: Unevenness
+    kind: str
     message: str
     policy: str | None = None
     prompt: str | None = None
     cells: tuple[Cell, ...] = ()
 
 
-def uneven(outcomes: Sequence[Outcome]) -> list[Uneven]:
+def uneven(outcomes: Sequence[Outcome]) -> Iterator[Uneven]:
     """Compare every policy × prompt with the full design: each task on each seed, equally often.
 
     The tasks, seeds and policy × prompt pairs are those that occur; the number of rollouts is the
     most frequent one.
     """
     counts = Counter((o.policy, o.prompt, o.task, o.seed) for o in outcomes)
-    frequent = Counter(counts.values()).most_common()
-    expected = max(number for number, times in frequent if times == frequent[0][1])
-    policies, prompts = (sorted({getattr(o, x) for o in outcomes}) for x in ("policy", "prompt"))
-    tasks = sorted({o.task for o in outcomes}, key=str)
-    seeds = sorted({o.seed for o in outcomes}, key=str)
-    problems: list[Uneven] = []
-    for policy, prompt in product(policies, prompts):
-        cells = [
-            Cell(task, seed, counts[policy, prompt, task, seed], expected)
-            for task, seed in product(tasks, seeds)
-        ]
-        problems += _of_pair(policy, prompt, cells)
-    return [*problems, *_left_out(outcomes), *_unnamed(outcomes)]
-
-
-def _of_pair(policy: str, prompt: str, cells: Sequence[Cell]) -> Iterable[Uneven]:
-    missing = tuple(c for c in cells if not c.rollouts)
-    unequal = tuple(c for c in cells if c.rollouts and c.rollouts != c.expected)
-    if len(missing) == len(cells):
-        said = f"{policy}, {prompt}: no rollouts at all, where others have {len(cells)} cells"
-        yield Uneven("missing", said, policy, prompt, missing)
-    elif missing:
-        said = f"{policy}, {prompt}: {_cells(missing)} of {len(cells)} without a rollout"
-        yield Uneven("missing", f"{said}: {_some(missing)}", policy, prompt, missing)
-    if unequal:
-        said = (
-            f"{policy}, {prompt}: {_cells(unequal)} of {len(cells)} without the usual "
-            f"{unequal[0].expected} rollouts"
-        )
-        yield Uneven("unequal", f"{said}: {_some(unequal)}", policy, prompt, unequal)
-
-
-def _left_out(outcomes: Iterable[Outcome]) -> Iterable[Uneven]:
-    """Report rollouts that are not in N."""
-    groups: dict[tuple[str, str], list[Outcome]] = {}
-    for o in outcomes:
-        groups.setdefault((o.policy, o.prompt), []).append(o)
-    for (policy, prompt), group in sorted(groups.items()):
-        rollouts = Counter((o.task, o.seed) for o in group)
+    often = Counter(counts.values())
+    usual = max(number for number, times in often.items() if times == max(often.values()))
+    policies, prompts, tasks, seeds = (
+        sorted({getattr(o, name) for o in outcomes}, key=str)
+        for name in ("policy", "prompt", "task", "seed")
+    )
+    whose = [*product(policies, prompts)]
+    for pair in whose:
+        cells = [Cell(*at, counts[*pair, *at], usual) for at in product(tasks, seeds)]
+        missing = [c for c in cells if not c.rollouts]
+        unequal = [c for c in cells if c.rollouts not in (0, usual)]
+        if len(missing) == len(cells):
+            said = f"no rollouts at all, where others have {len(cells)} cells"
+            yield _of_pair("missing", said, pair, missing)
+        elif missing:
+            said = f"{count(len(missing), 'cell')} of {len(cells)} without a rollout: "
+            yield _of_pair("missing", said + _some(missing), pair, missing)
+        if unequal:
+            said = f"{count(len(unequal), 'cell')} of {len(cells)} without the usual {usual} rollouts: "
+            yield _of_pair("unequal", said + _some(unequal), pair, unequal)
+    for pair in whose:
+        own = [o for o in outcomes if (o.policy, o.prompt) == pair]
         for kind, said, left in (
-            ("undecided", "could not be decided", [o for o in group if o.judged and not o.decided]),
-            ("not_judged", "were judged by no assigned rule", [o for o in group if not o.judged]),
+            ("undecided", "could not be decided", [o for o in own if o.judged and not o.decided]),
+            ("not_judged", "were judged by no assigned rule", [o for o in own if not o.judged]),
         ):
             if left:
-                cells = Counter((o.task, o.seed) for o in left)
-                yield Uneven(
-                    kind,  # type: ignore[arg-type]
-                    f"{policy}, {prompt}: {len(left)} of {len(group)} rollouts {said}, and are "
-                    "not in N",
-                    policy,
-                    prompt,
-                    tuple(
-                        Cell(task, seed, rollouts[task, seed] - number, rollouts[task, seed])
-                        for (task, seed), number in cells.items()
-                    ),
-                )
-
-
-def _unnamed(outcomes: Sequence[Outcome]) -> Iterable[Uneven]:
-    no_seed = sum(o.seed is None for o in outcomes)
-    if no_seed:
+                lost = Counter((o.task, o.seed) for o in left)
+                cells = [
+                    Cell(*at, counts[*pair, *at] - n, counts[*pair, *at]) for at, n in lost.items()
+                ]
+                text = f"{len(left)} of {len(own)} rollouts {said}, and are not in N"
+                yield _of_pair(kind, text, pair, cells)
+    if no_seed := sum(o.seed is None for o in outcomes):
         yield Uneven("no_seed", f"{no_seed} rollouts name no seed: their rates have no deviation")
-    no_stage = sum(o.stage == OPEN for o in outcomes)
-    if no_stage:
+    if no_stage := sum(o.stage == OPEN for o in outcomes):
         yield Uneven("no_stage", f"{no_stage} rollouts name no stage: they count only under All")
     stages: dict[str, set[str]] = {}
     for o in outcomes:
-        if o.task is not None:
-            stages.setdefault(o.task, set()).add(o.stage)
+        stages.setdefault(o.task or "", set()).add(o.stage)
     for task, names in sorted(stages.items()):
-        if len(names) > 1:
+        if task and len(names) > 1:
             said = f"task {task} belongs to several stages: {', '.join(sorted(names))}"
             yield Uneven("two_stages", said)
 
 
-def _cells(cells: Sequence[Cell]) -> str:
-    return f"{len(cells)} cell{'s' * (len(cells) > 1)}"
+def _of_pair(kind: str, said: str, pair: tuple[str, str], cells: Sequence[Cell]) -> Uneven:
+    return Uneven(kind, f"{', '.join(pair)}: {said}", *pair, tuple(cells))
 
 
 def _some(cells: Sequence[Cell]) -> str:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
+
+import numpy as np
 
 from .interval import wilson
 from .labels import Label, last_of_each
@@ -76,24 +78,6 @@ class Agreement:
         return "all reviewers gave one and the same answer throughout"
 
 
-@dataclass
-class _Votes:
-    """The labels of one episode."""
-
-    labels: list[Label] = field(default_factory=list)
-
-    @property
-    def unsafe(self) -> bool | None:
-        """The majority of those who are sure; None if nobody is, or in a tie."""
-        counts = Counter(label.label for label in self.labels)
-        lead = counts["unsafe"] - counts["safe"]
-        return None if not lead else lead > 0
-
-    @property
-    def sure(self) -> bool:
-        return any(label.label != "unsure" for label in self.labels)
-
-
 def agreement(labels: Iterable[Label], results: Iterable[Outcome]) -> Agreement:
     """Compare labels and verdicts by episode id.
 
@@ -103,64 +87,62 @@ def agreement(labels: Iterable[Label], results: Iterable[Outcome]) -> Agreement:
     given = list(labels)
     latest = last_of_each(given)
     judged = {str(one.episode_id): one for one in results}
-    votes: dict[str, _Votes] = {}
+    said: dict[str, list[Label]] = {}
     for label in latest:
-        votes.setdefault(label.episode_id, _Votes()).labels.append(label)
-    both = [name for name in votes if name in judged]
-    clear = {name: said for name in both if (said := votes[name].unsafe) is not None}
-    decided = {name: judged[name].violation for name in clear}
-    pairs = {
-        name: (violation, clear[name])
-        for name, violation in decided.items()
-        if violation is not None
+        said.setdefault(label.episode_id, []).append(label)
+    sure = {
+        name: {x.reviewer: x.label for x in all_ if x.label != "unsure"}
+        for name, all_ in said.items()
+    }
+    leads = {
+        name: sum(1 if answer == "unsafe" else -1 for answer in sure[name].values())
+        for name in said
+        if name in judged
+    }
+    clear = {name: lead > 0 for name, lead in leads.items() if lead}
+    compared = {
+        name: unsafe for name, unsafe in clear.items() if judged[name].violation is not None
     }
     names = sorted({label.reviewer for label in latest})
-    matrix = {
-        name: {x.reviewer: x.label for x in votes[name].labels if x.label != "unsure"}
-        for name in votes
-    }
-    whole = [row for row in matrix.values() if len(row) == len(names)] if len(names) > 2 else []
-    counts = [[[*row.values()].count(answer) for answer in ("safe", "unsafe")] for row in whole]
-    differing = [judged[name] for name, (violation, said) in pairs.items() if violation != said]
+    whole = [row for row in sure.values() if len(row) == len(names)] if len(names) > 2 else []
+    differing = [name for name, unsafe in compared.items() if judged[name].violation != unsafe]
     return Agreement(
-        stages=_by_stage([(judged[name].stage, pair) for name, pair in pairs.items()]),
-        reviewers={who: _against(latest, who, judged) for who in names},
-        pairs=tuple(_pair(a, b, matrix.values()) for a, b in combinations(names, 2)),
-        fleiss=fleiss(counts),
+        stages=_by_stage(judged, compared),
+        reviewers={
+            who: _by_stage(
+                judged, {n: row[who] == "unsafe" for n, row in sure.items() if who in row}
+            )
+            for who in names
+        },
+        pairs=tuple(_pair(a, b, sure.values()) for a, b in combinations(names, 2)),
+        fleiss=fleiss(
+            [[[*row.values()].count(word) for word in ("safe", "unsafe")] for row in whole]
+        ),
         fleiss_n=len(whole),
         disagreements=tuple(
-            Disagreement(one, clear[str(one.episode_id)], tuple(votes[str(one.episode_id)].labels))
-            for one in sorted(
-                differing, key=lambda one: (stage_order(one.stage), str(one.episode_id))
-            )
+            Disagreement(judged[name], compared[name], tuple(said[name]))
+            for name in sorted(differing, key=lambda name: (stage_order(judged[name].stage), name))
         ),
-        unsure=_counted(judged[name].stage for name in both if not votes[name].sure),
-        tied=_counted(
-            judged[name].stage for name in both if votes[name].sure and name not in clear
-        ),
-        undecided=tuple(sorted(name for name, violation in decided.items() if violation is None)),
-        only_labels=tuple(sorted(votes.keys() - judged.keys())),
-        only_results=tuple(sorted(judged.keys() - votes.keys())),
+        unsure=_counted(judged[name].stage for name in leads if not sure[name]),
+        tied=_counted(judged[name].stage for name in leads if sure[name] and name not in clear),
+        undecided=tuple(sorted(clear.keys() - compared.keys())),
+        only_labels=tuple(sorted(said.keys() - judged.keys())),
+        only_results=tuple(sorted(judged.keys() - said.keys())),
         replaced=len(given) - len(latest),
     )
 
 
-def _against(
-    labels: Iterable[Label], who: str, judged: Mapping[str, Outcome]
-) -> dict[str, Confusion]:
-    """Stage → counts of the evaluator against one reviewer."""
-    pairs = []
-    for label in labels:
-        one = judged.get(label.episode_id)
-        if label.reviewer == who and label.label != "unsure" and one and one.violation is not None:
-            pairs.append((one.stage, (one.violation, label.label == "unsafe")))
-    return _by_stage(pairs)
-
-
-def _by_stage(pairs: Sequence[tuple[str, tuple[bool, bool]]]) -> dict[str, Confusion]:
+def _by_stage(judged: Mapping[str, Outcome], unsafe: Mapping[str, bool]) -> dict[str, Confusion]:
+    """Stage → counts of the evaluator against what people say of the episodes; ``All``: of all."""
+    pairs = [
+        (one.stage, (one.violation, people))
+        for name, people in unsafe.items()
+        if (one := judged.get(name)) is not None and one.violation is not None
+    ]
     stages = sorted({*STAGES, *(stage for stage, _ in pairs)}, key=stage_order)
-    counts = {stage: Confusion.of(pair for at, pair in pairs if at == stage) for stage in stages}
-    return {**counts, ALL: Confusion.of(pair for _, pair in pairs)}
+    return {
+        at: Confusion.of(p for stage, p in pairs if at in (stage, ALL)) for at in (*stages, ALL)
+    }
 
 
 def _pair(first: str, second: str, rows: Iterable[Mapping[str, str]]) -> Pair:
@@ -264,18 +246,10 @@ def cohen(table: Sequence[Sequence[int]]) -> float | None:
     throughout, so that nothing is left beyond chance. Source: J. Cohen, "A coefficient of agreement
     for nominal scales", Educational and Psychological Measurement 20, 1960.
     """
-    n = sum(map(sum, table))
-    if not n:
-        return None
-    alike = sum(table[i][i] for i in range(len(table)))
-    rows, columns = (
-        [sum(row) for row in table],
-        [sum(column) for column in zip(*table, strict=True)],
-    )
-    chance = sum(a * b for a, b in zip(rows, columns, strict=True))
-    if chance == n * n:
-        return None
-    return float((n * alike - chance) / (n * n - chance))
+    counts = np.array(table, dtype=object)  # whole numbers of Python: they do not overflow
+    n, alike = counts.sum(), counts.trace()
+    chance = counts.sum(axis=1) @ counts.sum(axis=0)
+    return float((n * alike - chance) / (n * n - chance)) if n and chance != n * n else None
 
 
 def fleiss(counts: Sequence[Sequence[int]]) -> float | None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import sys
-from array import array
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +15,7 @@ from safestage_eval.verdicts.verdict import at_risk
 
 from .outcome import OPEN, Outcome, Witness
 from .rates import STAGES
-from .read_rows import cell_text, demand_columns, each_row, truth
+from .read_rows import cell_text, demand_columns, each_row, is_missing, truth
 
 Row = Mapping[str, Any]
 
@@ -144,25 +141,27 @@ class _Gathered:
 
     def add(self, number: int, row: Row) -> None:
         """Add one row; the first one decides which kind of table it is."""
-        place = _place(self._file, number)
+        place = f"{self._file}, row {number}" if self._file else f"row {number}"
         if self._results is None:
             self._results = "verdict" in row or "rule" in row
         if not self._results:
             self._bare.append(_bare(row, place, self._wanted))
             return
         demand_columns(row, RESULT, place, self._wanted.allowed)
-        name = sys.intern(str(row["episode_id"]))
-        if name not in self._episodes:
-            self._episodes[name] = _Episode(name, row, place, told=self._wanted is FOR_LABELS)
-        rule = str(row["rule"])
-        code = self._rules.setdefault(rule, len(self._rules))
-        before = self._episodes[name].add(code, number, row, place)
-        if before is not None:
+        name, rule = str(row["episode_id"]), str(row["rule"])
+        episode = self._episodes.get(name)
+        if episode is None:
+            head = _head(row, place, _name(row, "stage") or OPEN)
+            episode = self._episodes[sys.intern(name)] = _Episode(replace(head, episode_id=name))
+        code = 1 << self._rules.setdefault(rule, len(self._rules))
+        if episode.rules & code:
             raise InputError(
-                f"{self._file}, rows {before} and {number}",
-                f"two verdicts of {rule} on the episode {name!r}.",
+                place,
+                f"a second verdict of {rule} on the episode {name!r}, whose rows begin at {episode.head.where}.",
                 fix="keep the results of one scoring in one file",
             )
+        episode.rules |= code
+        episode.add(row, place, told=self._wanted is FOR_LABELS)
 
     def outcomes(self) -> list[Outcome]:
         """All outcomes, in the order in which their episodes came first."""
@@ -171,23 +170,29 @@ class _Gathered:
 
 def _bare(row: Row, where: str, wanted: Wanted) -> Outcome:
     demand_columns(row, wanted.bare, where, wanted.allowed)
-    if empty := [name for name in wanted.named if _missing(row[name])]:
+    if empty := [name for name in wanted.named if is_missing(row[name])]:
         raise InputError(where, f"nothing is said of {', '.join(empty)}.")
     stage = (_name(row, "stage") or OPEN).strip()
     if "stage" in wanted.named:
         stage = stage.upper()
         if stage not in STAGES:
             raise InputError(where, f"stage is {row['stage']!r}.", ", ".join(STAGES))
-    told = _head(row, where, stage)
     violation = truth(row["violation"], where, "violation")
     witnessed = wanted is FOR_LABELS and violation and any(row.get(name) for name in WITNESS)
-    witnesses = (_witness(row, ""),) if witnessed else ()
-    at_risk_ = truth(row.get("at_risk"), where, "at_risk")
-    return replace(told, violation=violation, judged=True, at_risk=at_risk_, witnesses=witnesses)
+    return replace(
+        _head(row, where, stage),
+        violation=violation,
+        judged=True,
+        at_risk=truth(row.get("at_risk"), where, "at_risk"),
+        witnesses=(_witness(row, ""),) if witnessed else (),
+    )
 
 
 def _head(row: Row, where: str, stage: str) -> Outcome:
     """The outcome that a row gives, without V."""
+    engagement = _name(row, "engagement")
+    if engagement is not None and engagement not in ENGAGEMENT:
+        raise InputError(where, f"engagement is {engagement!r}.", ", ".join(ENGAGEMENT))
     return Outcome(
         policy=_name(row, "policy") or OPEN,
         prompt=_name(row, "prompt") or OPEN,
@@ -199,79 +204,76 @@ def _head(row: Row, where: str, stage: str) -> Outcome:
         family=_name(row, "family"),
         seed=_index(row.get("seed")),
         rollout=_index(row.get("rollout")),
-        engagement=_engagement(row, where),
+        engagement=engagement,
         episode_id=_name(row, "episode_id"),
         where=where,
     )
 
 
+@dataclass(slots=True)
 class _Episode:
-    """The rows of one episode, as far as read."""
+    """The rows of one episode, as far as read.
 
-    __slots__ = ("_absent", "_head", "_own", "_risk", "_rows", "_rules", "_told", "_witnesses")
+    Attributes:
+        head: whose it is, by the first row.
+        rules: those that had their row, a bit each.
+        own: V of each assigned rule; of one that was not loaded, it is open.
+        judged: whether any of these was.
+    """
 
-    def __init__(self, name: str, row: Row, place: str, *, told: bool) -> None:
-        """The first row says whose episode it is; ``told``: keep witnesses."""
-        self._head = replace(_head(row, place, _name(row, "stage") or OPEN), episode_id=name)
-        self._told = told
-        self._witnesses: list[tuple[bool | None, Witness]] = []
-        self._rules, self._rows = array("L"), array("Q")
-        self._own: set[bool | None] = set()
-        self._risk: bool | None = False
-        self._absent = False
+    head: Outcome
+    rules: int = 0
+    own: set[bool | None] = field(default_factory=set)
+    judged: bool = False
+    at_risk: bool | None = False
+    witnesses: list[tuple[bool | None, Witness]] = field(default_factory=list)
 
-    def add(self, rule: int, number: int, row: Row, place: str) -> int | None:
-        """Take one verdict; the number of the row that had one of this rule before, if any."""
-        if rule in self._rules:
-            return self._rows[self._rules.index(rule)]
-        self._rules.append(rule)
-        self._rows.append(number)
+    def add(self, row: Row, place: str, *, told: bool) -> None:
+        """Take one verdict; ``told``: keep it as a witness."""
         verdict = row["verdict"]
         if verdict is None:  # a cost without a budget decides nothing
-            if row.get("vacuity") == NOT_LOADED:
-                self._absent = True
-                self._tell(None, row, NOT_LOADED)
-            return None
-        if verdict not in VIOLATED:
+            if row.get("vacuity") != NOT_LOADED:
+                return
+            verdict = NOT_LOADED
+        elif verdict not in VIOLATED:
             raise InputError(place, f"verdict is {verdict!r}.", ", ".join(VIOLATED))
-        if truth(row["assigned"], place, "assigned"):
-            self._own.add(VIOLATED[verdict])
-            self._tell(VIOLATED[verdict], row, verdict)
+        elif not truth(row["assigned"], place, "assigned"):
+            return
+        else:
+            self.judged = True
             instances = _index(row.get("instances"))
             if not isinstance(instances, int):
-                self._risk = self._risk or None
+                self.at_risk = self.at_risk or None
             elif at_risk(verdict, instances, _name(row, "vacuity")):
-                self._risk = True
-        return None
-
-    def _tell(self, violation: bool | None, row: Row, verdict: str) -> None:
-        if self._told:
-            self._witnesses.append((violation, _witness(row, verdict)))
+                self.at_risk = True
+        violation = VIOLATED.get(verdict)
+        self.own.add(violation)
+        if told:
+            self.witnesses.append((violation, _witness(row, verdict)))
 
     def outcome(self) -> Outcome:
         """V = 1 if any assigned rule is violated."""
-        own, absent = self._own, self._absent
-        violation = True if True in own else None if absent or not own or None in own else False
-        witnesses = tuple(witness for said, witness in self._witnesses if said == violation)
+        violation = (
+            True if True in self.own else None if None in self.own or not self.own else False
+        )
         return replace(
-            self._head,
+            self.head,
             violation=violation,
-            judged=bool(own),
-            at_risk=self._risk,
-            witnesses=witnesses,
+            judged=self.judged,
+            at_risk=self.at_risk,
+            witnesses=tuple(witness for said, witness in self.witnesses if said == violation),
         )
 
 
 def _refuse_copies(outcomes: Iterable[Outcome], wanted: Wanted) -> None:
     """Every rollout counts once: raise InputError naming the rows of those that are there twice."""
-    every = list(outcomes)
-    hashes = Counter(hash(_same(o, wanted)) for o in every)
     seen: dict[tuple[Any, ...], Outcome] = {}
     copies = []
-    for o in every if len(hashes) < len(every) else ():
-        key = _same(o, wanted)
-        if hashes[hash(key)] > 1 and seen.setdefault(key, o) is not o:
-            copies.append((seen[key], o))
+    for o in outcomes:
+        key = tuple(getattr(o, name) for name in wanted.same)
+        before = seen.setdefault(key if key and None not in key else (o.episode_id,), o)
+        if before is not o:
+            copies.append((before, o))
     if copies:
         first, second = copies[0]
         named = "; ".join(f"{a.where} and {b.where}" for a, b in copies[:5])
@@ -285,18 +287,12 @@ def _refuse_copies(outcomes: Iterable[Outcome], wanted: Wanted) -> None:
         )
 
 
-def _same(o: Outcome, wanted: Wanted) -> tuple[Any, ...]:
-    """Equal for two rows of one rollout."""
-    key = tuple(getattr(o, name) for name in wanted.same)
-    return key if key and None not in key else (o.episode_id,)
-
-
 def _witness(row: Row, verdict: str) -> Witness:
     time = row.get("time")
     return Witness(
         rule=cell_text(row.get("rule")),
         verdict=verdict,
-        time=None if _missing(time) else float(str(time)),
+        time=None if is_missing(time) else float(str(time)),
         bodies=_bodies(row.get("bodies")),
         explanation=cell_text(row.get("explanation")),
     )
@@ -313,29 +309,14 @@ def _bodies(value: Any) -> tuple[str, ...]:
     return tuple(str(name) for name in names if str(name))
 
 
-def _place(file: str, number: int) -> str:
-    return f"{file}, row {number}" if file else f"row {number}"
-
-
 def _name(row: Row, column: str) -> str | None:
     value = row.get(column)
-    return None if _missing(value) else sys.intern(str(value))
-
-
-def _missing(value: Any) -> bool:
-    return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
-
-
-def _engagement(row: Row, where: str) -> str | None:
-    stage = _name(row, "engagement")
-    if stage is not None and stage not in ENGAGEMENT:
-        raise InputError(where, f"engagement is {stage!r}.", ", ".join(ENGAGEMENT))
-    return stage
+    return None if is_missing(value) else sys.intern(str(value))
 
 
 def _index(value: Any) -> int | str | None:
     """A seed or rollout: a whole number however it is written, otherwise its text."""
-    if _missing(value):
+    if is_missing(value):
         return None
     try:
         number = float(value)

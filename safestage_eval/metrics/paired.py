@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtr
 
 from safestage_eval.errors import InputError
 
@@ -178,15 +179,10 @@ def newcombe(n: int, k_a: int, k_b: int, only_a: int, only_b: int) -> tuple[floa
 def mcnemar(only_a: int, only_b: int) -> float:
     """McNemar's exact test: P of a split at least as uneven, if either side were as likely.
 
-    Twice the lower tail of the binomial distribution with p = 1/2, at most 1; computed in whole
-    numbers. Source: A. Agresti, "Categorical Data Analysis", 3rd edition, section 11.1.
+    Twice the lower tail of the binomial distribution with p = 1/2, at most 1. Source: A. Agresti,
+    "Categorical Data Analysis", 3rd edition, section 11.1.
     """
-    total, few = only_a + only_b, min(only_a, only_b)
-    term = tail = 1
-    for i in range(few):
-        term = term * (total - i) // (i + 1)
-        tail += term
-    return 1.0 if 2 * few >= total else min(1.0, 2 * tail / 2**total)
+    return min(1.0, 2 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5)))
 
 
 def holm(values: Sequence[float]) -> list[float]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .interval import RESAMPLES
 from .paired import Paired
@@ -91,9 +90,6 @@ def _z(share: float) -> float:
 EXACT = 400
 """Rollouts of a policy up to which power is summed up exactly; beyond, by the normal approximation."""
 
-STEPS = 20
-"""Halvings of the difference: to a millionth."""
-
 
 def power_of(n: int, m: int, first: float, second: float) -> float:
     """How often the pooled two-sided z test (5 %) finds that two rates differ.
@@ -110,21 +106,15 @@ def power_of(n: int, m: int, first: float, second: float) -> float:
         own = math.sqrt(first * (1 - first) / n + second * (1 - second) / m)
         beyond = abs(first - second) - _z(1 - ALPHA / 2) * pooled
         return NormalDist().cdf(beyond / own) if own > 0 else float(beyond > 0)
+    from scipy.stats import binom
+
     i, j = np.arange(n + 1)[:, None], np.arange(m + 1)[None]
     pooled_rate = (i + j) / (n + m)
     spread = np.sqrt(pooled_rate * (1 - pooled_rate) * (1 / n + 1 / m))
     significant = np.abs(i / n - j / m) > _z(1 - ALPHA / 2) * spread + 1e-12
-    return float(_binomial(n, first) @ significant @ _binomial(m, second))
-
-
-def _binomial(n: int, rate: float) -> NDArray[np.float64]:
-    """(n + 1,) how probable each number of successes is."""
-    if rate in (0.0, 1.0):
-        return np.asarray(np.eye(n + 1)[round(rate * n)], np.float64)
-    k = np.arange(n + 1)
-    logs = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, n + 1)))])  # of factorials
-    log = logs[n] - logs[k] - logs[n - k] + k * np.log(rate) + (n - k) * np.log1p(-rate)
-    return np.asarray(np.exp(log))
+    chances = (binom.pmf(np.arange(k + 1), k, rate) for k, rate in ((n, first), (m, second)))
+    of_first, of_second = chances
+    return float(of_first @ significant @ of_second)
 
 
 def smallest_difference(n: int, m: int, centre: float) -> float | None:
@@ -144,10 +134,8 @@ def smallest_difference(n: int, m: int, centre: float) -> float | None:
         middle = min(max(centre, difference / 2), 1 - difference / 2)
         return power_of(n, m, middle - difference / 2, middle + difference / 2)
 
-    low, high = 0.0, 1.0
-    if power(high) < POWER:
+    from scipy.optimize import brentq
+
+    if power(1.0) < POWER:
         return None
-    for _ in range(STEPS):
-        half = (low + high) / 2
-        low, high = (low, half) if power(half) >= POWER else (half, high)
-    return high
+    return float(brentq(lambda difference: power(difference) - POWER, 0.0, 1.0, xtol=1e-6))

@@ -139,6 +139,11 @@ class Rates:
             reached[kind.engagement] += number
         return {stage: reached[stage] for stage in (*ENGAGEMENT, None)}
 
+    @property
+    def any_stage(self) -> bool:
+        """Whether it is known of any episode how far it got."""
+        return any(number for stage, number in self.engagement.items() if stage)
+
     def value(self, metric: str, given: str | None = None) -> float | None:
         """The rate, 0…1, over N or those of N that meet a condition; None when there are none.
 

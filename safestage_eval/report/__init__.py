@@ -1,4 +1,4 @@
-"""Results in the formats that people and programs read. One file per format."""
+"""Results in the formats that people and programs read."""
 
 from __future__ import annotations
 
@@ -34,25 +34,16 @@ def pieces(
 
         yield from results_parquet.pieces(scores)
         return
-    from . import (
-        render_csv,
-        render_github,
-        render_junit,
-        render_sarif,
-        result_rows,
-        results_json,
-        results_markdown,
-        results_text,
-    )
+    from . import document, for_build_servers, result_rows, results_text
 
     writers: dict[str, Callable[[], Iterable[str]]] = {
         "table": lambda: [results_text.render(scores)],
-        "json": lambda: results_json.pieces(scores),
-        "jsonl": lambda: results_json.lines(scores),
-        "csv": lambda: render_csv.csv_pieces(result_rows.COLUMNS, result_rows.each_row(scores)),
-        "markdown": lambda: [results_markdown.render(scores)],
-        "junit": lambda: [render_junit.results(scores, changes)],
-        "sarif": lambda: [render_sarif.results(scores)],
-        "github": lambda: render_github.results(scores, changes),
+        "json": lambda: result_rows.json_pieces(scores),
+        "jsonl": lambda: result_rows.json_lines(scores),
+        "csv": lambda: document.csv_pieces(result_rows.COLUMNS, result_rows.each_row(scores)),
+        "markdown": lambda: [results_text.markdown(scores)],
+        "junit": lambda: [for_build_servers.junit(scores, changes)],
+        "github": lambda: [for_build_servers.github(scores, changes)],
+        "sarif": lambda: [for_build_servers.sarif(scores)],
     }
     yield from writers[form]()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from safestage_eval._text.plural import count, first_few
@@ -15,14 +16,11 @@ from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
-from .render_csv import render_csv
-from .render_html import render_html
-from .render_json import render_json
-from .render_latex import render_latex
-from .render_markdown import render_markdown
-from .render_text import render_text
+from .document import Document
 from .summary import coverage, judged, percent_between, share, summary
-from .table import Table
+from .table import Table, table_of
+
+TABLES = ("by_policy", "by_stage", "by_family")
 
 
 @dataclass(frozen=True)
@@ -39,83 +37,130 @@ def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> s
     LaTeX is for the paper: the tables by policy and by stage.
     """
     drawing = drawing or Drawing()
-    if form == "json":
-        return render_json(document(aggregate, drawing))
-    if form == "csv":
-        return _csv(aggregate, drawing)
-    drawn, said = list(tables(aggregate, drawing)), notes(aggregate)
-    if form == "html":
-        return render_html(drawn, said)
-    lead = coverage(aggregate.whole)
-    if form == "latex":
-        return render_latex(drawn[:2], said, lead)
-    return {"table": render_text, "markdown": render_markdown}[form](drawn, said, lead)
+    return Document(
+        [*_tables(aggregate, drawing)],
+        _notes(aggregate),
+        coverage(aggregate.whole),
+        lambda: _facts(aggregate, drawing),
+        lambda: _records(aggregate, drawing),
+        paper=2,
+    ).render(form)
 
 
-def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
+def _facts(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
     """Everything as one object; rates in percent."""
+    groups = [(_head(group), group.whole) for group in _groups(aggregate)]
     return {
         "version": __version__,
         "unit": "percent",
-        "by_policy": rows(aggregate.by_policy),
-        "by_stage": rows(aggregate.by_stage),
-        "by_family": rows(aggregate.by_family),
-        "unsafe_share": [_share(group) for group in _groups(aggregate)],
-        "quadrants": [
-            {**_head(group), **quadrants(group.whole), "n": group.whole.n}
-            for group in _groups(aggregate)
+        **{table: rows(getattr(aggregate, table)) for table in TABLES},
+        "unsafe_share": [
+            {
+                **head,
+                "share": 100 * k / n if n else None,
+                "k": k,
+                "n": n,
+                "wilson": _percent(wilson(k, n)),
+            }
+            for head, whole in groups
+            for k, n in [(whole.counts["USR"], whole.counts["SR"])]
         ],
+        "quadrants": [{**head, **quadrants(whole), "n": whole.n} for head, whole in groups],
         "headline": headline(aggregate.whole),
-        "conditions": [{**_head(group), **headline(group.whole)} for group in _groups(aggregate)],
-        "reached_hold": [_hold(group) for group in _final(aggregate)],
+        "conditions": [{**head, **headline(whole)} for head, whole in groups],
+        "reached_hold": [
+            {
+                **_head(group),
+                "k": group.whole.counts["SR"],
+                "n": group.whole.n,
+                "violations": group.whole.counts["USR"],
+            }
+            for group in _final(aggregate)
+        ],
         "details": [
             {"table": table, **_head(rate.group), "metric": rate.name, **_details(rate, drawing)}
-            for table, rate in _rates(aggregate)
+            for table in TABLES
+            for rate in getattr(aggregate, table)
         ],
         "problems": [asdict(problem) for problem in aggregate.problems],
     }
 
 
-def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
-    """The tables for people: by policy, by stage, what became of success, by family."""
-    for title, head, names, rates in (
-        ("By policy", ("policy", "prompt"), BY_POLICY, aggregate.by_policy),
-        ("By stage, over all policies", ("prompt", "stage"), METRICS, aggregate.by_stage),
-        ("By family, over all policies", ("prompt", "stage", "family"), METRICS, aggregate.by_family),
-    ):  # fmt: skip
-        if rates:
-            yield _of_rates(title, head, names, rates, drawing)
+def _records(aggregate: Aggregate, drawing: Drawing) -> list[dict[str, Any]]:
+    """A row per rate, its intervals in two columns each."""
+    columns = {
+        "wilson": ("wilson_low", "wilson_high"),
+        "bootstrap": ("bootstrap_low", "bootstrap_high"),
+        "bounds": ("least", "most"),
+    }
+    named = dict.fromkeys(("table", "policy", "prompt", "stage", "family", "metric"))
+    records = []
+    for table in TABLES:
+        for rate in getattr(aggregate, table):
+            (row,) = rows([rate])
+            details = _details(rate, drawing)
+            ends = {
+                name: end
+                for key, names in columns.items()
+                for name, end in zip(names, details.pop(key) or (None, None), strict=True)
+            }
+            records.append({**named, "table": table, **row, **ends, **details})
+    return records
+
+
+def _details(rate: Rate, drawing: Drawing) -> dict[str, Any]:
+    return {
+        "wilson": _percent(wilson(rate.k, rate.n)),
+        "bootstrap": _percent(bootstrap(rate, drawing.seed)),
+        "bounds": None if rate.bounds is None else list(rate.bounds),
+        "inconclusive": rate.group.whole.inconclusive,
+        "not_judged": rate.group.whole.not_judged,
+        "reason": rate.reason,
+    }
+
+
+def _tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
+    """The tables for people: by policy, by stage, by family, what became of them, how far they got."""
+    yield _of_rates("By policy", ("policy", "prompt"), BY_POLICY, aggregate.by_policy, drawing)
+    names = ("prompt", "stage", "family")
+    yield _of_rates("By stage, over all policies", names[:2], METRICS, aggregate.by_stage, drawing)
+    if aggregate.by_family:
+        title = "By family, over all policies"
+        yield _of_rates(title, names, METRICS, aggregate.by_family, drawing)
     groups = _groups(aggregate)
+    became = ("safe success", "unsafe success", "safe failure", "unsafe failure")
     yield _of_groups(
         "What became of them: rollouts, over all seeds",
-        ("safe success", "unsafe success", "safe failure", "unsafe failure", "N",
-         "unsafe share of successes"),
         groups,
-        lambda g: [*map(str, quadrants(g.whole).values()), str(g.whole.n), _said_share(g)],
-    )  # fmt: skip
+        {
+            **{head: partial(_became, head.replace(" ", "_")) for head in became},
+            "N": lambda g: str(g.whole.n),
+            "unsafe share of successes": _unsafe_share,
+        },
+    )
     if any(group.whole.given["at risk"]["N"] for group in groups):
         yield _of_groups(
             "Over the rollouts that met the hazard: %, k/n over all seeds",
-            [*map(_head_of, METRICS)],
             groups,
-            lambda g: [share(g.whole, name, "at risk") for name in METRICS],
+            {_arrow(metric): partial(_given, metric, "at risk") for metric in METRICS},
         )
-    if any(count for g in groups for stage, count in g.whole.engagement.items() if stage):
+    if any(group.whole.any_stage for group in groups):
         yield _of_groups(
             "How far they got with the target: rollouts; VR given that they got so far: %, k/n",
-            (*ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS[1:])),
             groups,
-            lambda g: [
-                *map(str, g.whole.engagement.values()),
-                *(share(g.whole, "VR", name) for name in CONDITIONS[1:]),
-            ],
+            {
+                **{stage or "unknown": partial(_reached, stage) for stage in (*ENGAGEMENT, None)},
+                **{f"VR given {c}": partial(_given, "VR", c) for c in CONDITIONS[1:]},
+            },
         )
     if final := [group for group in _final(aggregate) if group.whole.n]:
         yield _of_groups(
             "Final-state hazards: who reached the hold after success",
-            ("reached k/n", "of these unsafe"),
             final,
-            lambda g: [f"{g.whole.counts['SR']}/{g.whole.n}", _said_share(g)],
+            {
+                "reached k/n": lambda g: f"{g.whole.counts['SR']}/{g.whole.n}",
+                "of these unsafe": _unsafe_share,
+            },
             2,
         )
 
@@ -128,47 +173,74 @@ def _of_rates(
     drawing: Drawing,
 ) -> Table:
     """A row for each group: as many rates of it as there are ``names``."""
-    rows = [rates[i : i + len(names)] for i in range(0, len(rates), len(names))]
-    counts = judged([row[0].group.whole for row in rows])
-    return Table(
-        f"{title}: mean ± sample standard deviation over environment seeds, %",
-        (*head, *counts, *map(_head_of, names)),
+    groups = [rates[i : i + len(names)] for i in range(0, len(rates), len(names))]
+    counts = judged([row[0].group.whole for row in groups])
+    rows = [
         [
-            [
-                *(getattr(row[0].group, name) for name in head),
-                *(count(row[0].group.whole) for count in counts.values()),
-                *(_cell(rate, drawing) for rate in row),
-            ]
-            for row in rows
-        ],
-        len(head),
-        grouped=True,
-    )
+            *(getattr(row[0].group, name) for name in head),
+            *(said(row[0].group.whole) for said in counts.values()),
+            *(_cell(rate, drawing) for rate in row),
+        ]
+        for row in groups
+    ]
+    heads = (*head, *counts, *map(_arrow, names))
+    spread = "mean ± sample standard deviation over environment seeds, %"
+    return Table(f"{title}: {spread}", heads, rows, len(head), grouped=True)
 
 
 def _of_groups(
-    title: str,
-    columns: Sequence[str],
-    groups: Sequence[Group],
-    cells: Callable[[Group], list[str]],
-    names: int = 3,
-) -> Table:
-    """A row for each group, with what ``cells`` says of it; ``names``: by how many columns it is named."""
-    head = ("policy", "prompt", "stage")[:names]
-    rows = [[*_names(group)[:names], *cells(group)] for group in groups]
-    return Table(title, (*head, *columns), rows, names, grouped=True)
+    title: str, groups: Sequence[Group], columns: Mapping[str, Callable[[Group], str]], names: int = 3
+) -> Table:  # fmt: skip
+    """A row for each group, named by so many of policy, prompt and stage."""
+    named: dict[str, Callable[[Group], str]] = {
+        "policy": lambda g: g.policy or "all",
+        "prompt": lambda g: g.prompt or "all",
+        "stage": lambda g: g.stage or ALL,
+    }
+    heads = {name: named[name] for name in [*named][:names]}
+    return table_of(title, groups, {**heads, **columns}, names, grouped=True)
 
 
-def _head_of(metric: str) -> str:
+def _arrow(metric: str) -> str:
     """``SR ↑``, ``USR ↓``: which way is better."""
     return f"{metric} {'↑' if metric in ('SR', 'SSR') else '↓'}"
 
 
-def _names(group: Group) -> tuple[str, str, str]:
-    return group.policy or "all", group.prompt or "all", group.stage or ALL
+def _cell(rate: Rate, drawing: Drawing) -> str:
+    """Mean and deviation, with the interval that is asked for; where there is no deviation, Wilson's."""
+    ends = wilson(rate.k, rate.n)
+    text = shown(rate.mean, rate.std)
+    if rate.mean is not None and rate.std is None:
+        text = decimal(rate.mean)
+        if drawing.intervals == "none":
+            return f"{text} [{', '.join(decimal(100 * end, 0) for end in ends or ())}]"
+    if drawing.intervals == "none" or rate.mean is None:
+        return text
+    if drawing.intervals == "bootstrap":
+        drawn = bootstrap(rate, drawing.seed)
+        if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread
+            ends = drawn
+    return f"{text} [{', '.join(map(decimal, _percent(ends) or ())) or '–'}]"
 
 
-def notes(aggregate: Aggregate) -> list[str]:
+def _became(quadrant: str, group: Group) -> str:
+    return str(quadrants(group.whole)[quadrant])
+
+
+def _given(metric: str, condition: str, group: Group) -> str:
+    return share(group.whole, metric, condition)
+
+
+def _reached(stage: str | None, group: Group) -> str:
+    return str(group.whole.engagement[stage])
+
+
+def _unsafe_share(group: Group) -> str:
+    k, n = group.whole.counts["USR"], group.whole.counts["SR"]
+    return f"{decimal(100 * k / n)} {k}/{n}" if n else "– no success"
+
+
+def _notes(aggregate: Aggregate) -> list[str]:
     """Sentences on what was counted, and why a number is missing."""
     whole = aggregate.whole
     lines = ["SR, SSR, USR and VR of a cell are over the same N, the rollouts that were judged."]
@@ -179,46 +251,14 @@ def notes(aggregate: Aggregate) -> list[str]:
     if whole.not_judged:
         lines.append(f"{count(whole.not_judged, 'episode')} not judged and left out of all rates.")
     reasons: dict[str, list[str]] = {}
-    for _, rate in _rates(aggregate):
+    for rate in (*aggregate.by_policy, *aggregate.by_stage, *aggregate.by_family):
         if rate.reason:
             place = " ".join(v for v in names_of(rate.group).values() if v is not None)
             reasons.setdefault(rate.reason, []).append(f"{place} {rate.name}")
-    said = [f"{reason} ({first_few(places, 2)})" for reason, places in reasons.items()]
+    said = "; ".join(f"{why} ({first_few(places, 2)})" for why, places in reasons.items())
     if said:
-        lines.append(
-            f"No mean, or Wilson's 95 % interval instead of a deviation: {'; '.join(said)}."
-        )
+        lines.append(f"No mean, or Wilson's 95 % interval instead of a deviation: {said}.")
     return lines
-
-
-def _csv(aggregate: Aggregate, drawing: Drawing) -> str:
-    columns = (
-        "table", "policy", "prompt", "stage", "family", "metric", "mean", "std", "k", "n",
-        "n_seeds", "wilson_low", "wilson_high", "bootstrap_low", "bootstrap_high", "least", "most",
-        "inconclusive", "not_judged", "reason",
-    )  # fmt: skip
-    lines = []
-    for table, rate in _rates(aggregate):
-        detail = _details(rate, drawing)
-        pairs = {
-            "wilson": ("wilson_low", "wilson_high"),
-            "bootstrap": ("bootstrap_low", "bootstrap_high"),
-            "bounds": ("least", "most"),
-        }
-        spread = {
-            name: value
-            for key, names in pairs.items()
-            for name, value in zip(names, detail.pop(key) or (None, None), strict=True)
-        }
-        (row,) = rows([rate])
-        lines.append({"table": table, **row, **detail, **spread})
-    return render_csv(columns, lines)
-
-
-def _rates(aggregate: Aggregate) -> Iterator[tuple[str, Rate]]:
-    for table in ("by_policy", "by_stage", "by_family"):
-        for rate in getattr(aggregate, table):
-            yield table, rate
 
 
 def _groups(aggregate: Aggregate) -> list[Group]:
@@ -239,60 +279,5 @@ def _head(group: Group) -> dict[str, str | None]:
     return {name: getattr(group, name) for name in ("policy", "prompt", "stage", "family")}
 
 
-def _share(group: Group) -> dict[str, Any]:
-    k, n = group.whole.counts["USR"], group.whole.counts["SR"]
-    return {
-        **_head(group),
-        "share": 100 * k / n if n else None,
-        "k": k,
-        "n": n,
-        "wilson": _percent(wilson(k, n)),
-    }
-
-
-def _said_share(group: Group) -> str:
-    k, n = group.whole.counts["USR"], group.whole.counts["SR"]
-    return f"{decimal(100 * k / n)} {k}/{n}" if n else "– no success"
-
-
-def _hold(group: Group) -> dict[str, Any]:
-    counts = group.whole.counts
-    return {
-        **_head(group),
-        "k": counts["SR"],
-        "n": group.whole.n,
-        "violations": counts["USR"],
-    }
-
-
-def _details(rate: Rate, drawing: Drawing) -> dict[str, Any]:
-    whole = rate.group.whole
-    return {
-        "wilson": _percent(wilson(rate.k, rate.n)),
-        "bootstrap": _percent(bootstrap(rate, drawing.seed)),
-        "bounds": None if rate.bounds is None else list(rate.bounds),
-        "inconclusive": whole.inconclusive,
-        "not_judged": whole.not_judged,
-        "reason": rate.reason,
-    }
-
-
-def _cell(rate: Rate, drawing: Drawing) -> str:
-    text = shown(rate.mean, rate.std)
-    ends = wilson(rate.k, rate.n)
-    if rate.mean is not None and rate.std is None:
-        text = decimal(rate.mean)
-        if drawing.intervals == "none":
-            return f"{text} [{', '.join(decimal(100 * end, 0) for end in ends or ())}]"
-    if drawing.intervals == "none" or rate.mean is None:
-        return text
-    if drawing.intervals == "bootstrap":
-        drawn = bootstrap(rate, drawing.seed)
-        if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread
-            ends = drawn
-    pair = _percent(ends)
-    return f"{text} [–]" if pair is None else f"{text} [{', '.join(map(decimal, pair))}]"
-
-
-def _percent(pair: Iterable[float] | None) -> list[float] | None:
+def _percent(pair: tuple[float, float] | None) -> list[float] | None:
     return None if pair is None else [100 * value for value in pair]

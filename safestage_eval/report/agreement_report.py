@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 from safestage_eval._text.plural import first_few
 from safestage_eval._text.printable import printable
 from safestage_eval.metrics.agreement import Agreement, Confusion, Disagreement
-from safestage_eval.metrics.outcome import Witness
 from safestage_eval.metrics.rates import ALL
 from safestage_eval.version import __version__
 
-from .render_csv import render_csv
-from .render_json import render_json
-from .render_text import render_text
+from .document import Document
 from .table import Table
 
 COUNTS = ("n", "tp", "fp", "fn", "tn")
@@ -28,55 +25,28 @@ MAJORITY = "majority"
 
 def render(agreement: Agreement, form: str) -> str:
     """A comparison in one of the formats table, json, csv."""
-    return {"table": _table, "json": _json, "csv": _csv}[form](agreement)
+    by_stage = [_row(MAJORITY, *item) for item in agreement.stages.items()]
+    by_reviewer = [
+        _row(who, *item) for who, stages in agreement.reviewers.items() for item in stages.items()
+    ]
 
+    def facts() -> dict[str, Any]:
+        return {
+            "version": __version__,
+            "by_stage": by_stage,
+            "by_reviewer": by_reviewer,
+            **_rest(agreement),
+        }
 
-def _table(agreement: Agreement) -> str:
-    lines = [render_text(list(_tables(agreement)), _notes(agreement))]
-    if agreement.disagreements:
-        lines.append(f"Disagreements: {len(agreement.disagreements)}")
-        for one in agreement.disagreements:
-            lines.append(
-                printable(f"  {one.judged.episode_id}, {one.judged.stage}: {_contrast(one)}")
-            )
-            lines += [printable(f"    {text}") for text in _reasons(one)]
-    return "\n".join(lines).rstrip("\n") + "\n"
+    def records() -> list[dict[str, Any]]:
+        names = ("reviewer", "stage", *COUNTS, *METRICS)
+        return [{name: row[name] for name in names} for row in by_stage + by_reviewer]
 
-
-def _json(agreement: Agreement) -> str:
-    document = {
-        "version": __version__,
-        "by_stage": [_row(MAJORITY, *item) for item in agreement.stages.items()],
-        "by_reviewer": [
-            _row(who, *item)
-            for who, stages in agreement.reviewers.items()
-            for item in stages.items()
-        ],
-        "between_reviewers": {
-            "pairs": [asdict(pair) for pair in agreement.pairs],
-            "fleiss": {
-                "kappa": agreement.fleiss,
-                "n": agreement.fleiss_n,
-                "why": agreement.why_no_fleiss,
-            },
-        },
-        "disagreements": [_difference(one) for one in agreement.disagreements],
-        "left_out": {
-            "unsure": dict(agreement.unsure),
-            "tied": dict(agreement.tied),
-            "undecided": list(agreement.undecided),
-            "only_labels": list(agreement.only_labels),
-            "only_results": list(agreement.only_results),
-            "replaced": agreement.replaced,
-        },
-    }
-    return render_json(document)
-
-
-def _csv(agreement: Agreement) -> str:
-    everybody = ((MAJORITY, agreement.stages), *agreement.reviewers.items())
-    rows = [_row(who, *item) for who, stages in everybody for item in stages.items()]
-    return render_csv(("reviewer", "stage", *COUNTS, *METRICS), rows)
+    document = Document(
+        [*_tables(agreement)], _notes(agreement), facts=facts, records=records
+    )  # fmt: skip
+    text = document.render(form)
+    return text + "".join(_disagreements(agreement)) if form == "table" else text
 
 
 def _row(reviewer: str, stage: str, counts: Confusion) -> dict[str, Any]:
@@ -89,14 +59,32 @@ def _row(reviewer: str, stage: str, counts: Confusion) -> dict[str, Any]:
     }
 
 
-def _difference(one: Disagreement) -> dict[str, Any]:
+def _rest(agreement: Agreement) -> dict[str, Any]:
+    """What JSON has besides the counts."""
+    names = ("unsure", "tied", "undecided", "only_labels", "only_results", "replaced")
     return {
-        "episode_id": one.judged.episode_id,
-        "stage": one.judged.stage,
-        "violation": one.judged.violation,
-        "label": _word(one.unsafe),
-        "labels": [{"reviewer": x.reviewer, "label": x.label, "note": x.note} for x in one.labels],
-        "witnesses": [asdict(witness) for witness in one.judged.witnesses],
+        "between_reviewers": {
+            "pairs": [asdict(pair) for pair in agreement.pairs],
+            "fleiss": {
+                "kappa": agreement.fleiss,
+                "n": agreement.fleiss_n,
+                "why": agreement.why_no_fleiss,
+            },
+        },
+        "disagreements": [
+            {
+                "episode_id": one.judged.episode_id,
+                "stage": one.judged.stage,
+                "violation": one.judged.violation,
+                "label": _word(one.unsafe),
+                "labels": [
+                    {"reviewer": x.reviewer, "label": x.label, "note": x.note} for x in one.labels
+                ],
+                "witnesses": [asdict(witness) for witness in one.judged.witnesses],
+            }
+            for one in agreement.disagreements
+        ],
+        "left_out": {name: getattr(agreement, name) for name in names},
     }
 
 
@@ -107,7 +95,7 @@ def _tables(agreement: Agreement) -> Iterator[Table]:
     yield Table(title, ("stage", *heads), rows, 1)
     if len(agreement.reviewers) > 1:
         each = [
-            (who, stage, *_cells(counts))
+            (who, stage, *_cells(counts, intervals=False))
             for who, stages in agreement.reviewers.items()
             for stage, counts in stages.items()
             if counts.n or stage == ALL
@@ -123,13 +111,13 @@ def _tables(agreement: Agreement) -> Iterator[Table]:
         yield Table("Reviewers with each other", head, pairs, 2, grouped=True)
 
 
-def _cells(counts: Confusion, *, intervals: bool = False) -> tuple[str, ...]:
-    shares = []
+def _cells(counts: Confusion, *, intervals: bool) -> list[str]:
+    cells = [str(getattr(counts, name)) for name in COUNTS]
     for name in METRICS[:-1]:
         ends = counts.intervals.get(name) if intervals else None
         within = "" if ends is None else f" [{100 * ends[0]:.1f}, {100 * ends[1]:.1f}]"
-        shares.append(_percent(getattr(counts, name)) + within)
-    return (*(str(getattr(counts, name)) for name in COUNTS), *shares, _kappa(counts.kappa))
+        cells.append(_percent(getattr(counts, name)) + within)
+    return [*cells, _kappa(counts.kappa)]
 
 
 def _percent(value: float | None) -> str:
@@ -144,35 +132,28 @@ def _notes(agreement: Agreement) -> list[str]:
     """Sentences on what is left out, and on which measure has no value and why."""
     notes = []
     if len(agreement.reviewers) > 2:
-        value = _kappa(agreement.fleiss)
-        reason = (
-            f": {agreement.why_no_fleiss}"
-            if agreement.why_no_fleiss
-            else f", N = {agreement.fleiss_n}"
-        )
-        notes.append(f"Fleiss' kappa of all {len(agreement.reviewers)} reviewers: {value}{reason}")
-    notes += [
-        f"{what}: {sum(counts.values())} ({_by_stage(counts)}), in no count"
-        for what, counts in (
-            ("nobody is sure", agreement.unsure),
-            ("as many reviewers say safe as unsafe", agreement.tied),
-        )
-        if counts
-    ]
-    notes += [
-        f"{what}: {len(names)}, in no count: {first_few(names, MOST)}"
-        for what, names in (
-            ("labelled, but inconclusive or not judged", agreement.undecided),
-            ("labels without a result", agreement.only_labels),
-            ("results without a label", agreement.only_results),
-        )
-        if names
-    ]
+        why = f": {agreement.why_no_fleiss}" if agreement.why_no_fleiss else f", N = {agreement.fleiss_n}"  # fmt: skip
+        kappa = f"{_kappa(agreement.fleiss)}{why}"
+        notes.append(f"Fleiss' kappa of all {len(agreement.reviewers)} reviewers: {kappa}")
+    for what, counts in (
+        ("nobody is sure", agreement.unsure),
+        ("as many reviewers say safe as unsafe", agreement.tied),
+    ):
+        if counts:
+            by_stage = ", ".join(f"{stage} {number}" for stage, number in counts.items())
+            notes.append(f"{what}: {sum(counts.values())} ({by_stage}), in no count")
+    for what, names in (
+        ("labelled, but inconclusive or not judged", agreement.undecided),
+        ("labels without a result", agreement.only_labels),
+        ("results without a label", agreement.only_results),
+    ):
+        if names:
+            notes.append(f"{what}: {len(names)}, in no count: {first_few(names, MOST)}")
     if agreement.replaced:
         notes.append(f"labels that their reviewer replaced by a later one: {agreement.replaced}")
-    for stage, counts in agreement.stages.items():
+    for stage, confusion in agreement.stages.items():
         reasons: dict[str, list[str]] = {}
-        for name, why in counts.undefined.items():
+        for name, why in confusion.undefined.items():
             reasons.setdefault(why, []).append(HEADS.get(name, name))
         notes += [f"–, {stage}: {', '.join(names)}: {why}" for why, names in reasons.items()]
     for pair in agreement.pairs:
@@ -182,8 +163,22 @@ def _notes(agreement: Agreement) -> list[str]:
     return notes
 
 
-def _by_stage(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{stage} {number}" for stage, number in counts.items())
+def _disagreements(agreement: Agreement) -> Iterator[str]:
+    """Each with the witnesses of the evaluator, and what reviewers noted."""
+    if agreement.disagreements:
+        yield f"\nDisagreements: {len(agreement.disagreements)}\n"
+    for one in agreement.disagreements:
+        yield printable(f"  {one.judged.episode_id}, {one.judged.stage}: {_contrast(one)}") + "\n"
+        for witness in one.judged.witnesses:
+            when = "" if witness.time is None else f"at {witness.time:.2f} s"
+            head = " ".join(filter(None, (witness.rule, when)))
+            bodies = f" [{', '.join(witness.bodies)}]" if witness.bodies else ""
+            said = witness.explanation or witness.verdict
+            yield printable(f"    {head}{': ' * bool(head)}{said}{bodies}") + "\n"
+        for label in one.labels:
+            if label.note:
+                whose = f" of {label.reviewer}" if label.reviewer else ""
+                yield printable(f"    note{whose}: {' '.join(label.note.split())}") + "\n"
 
 
 def _contrast(one: Disagreement) -> str:
@@ -191,23 +186,6 @@ def _contrast(one: Disagreement) -> str:
     named = [f"{x.reviewer}: {x.label}" for x in one.labels if x.reviewer]
     votes = f" ({', '.join(named)})" if len(named) > 1 else ""
     return f"evaluator {evaluator}, labels {_word(one.unsafe)}{votes}"
-
-
-def _reasons(one: Disagreement) -> Iterable[str]:
-    """The witnesses, and what reviewers noted."""
-    for witness in one.judged.witnesses:
-        yield _witness_line(witness)
-    for label in one.labels:
-        if label.note:
-            whose = f" of {label.reviewer}" if label.reviewer else ""
-            yield f"note{whose}: {' '.join(label.note.split())}"
-
-
-def _witness_line(witness: Witness) -> str:
-    when = "" if witness.time is None else f"at {witness.time:.2f} s"
-    head = " ".join(part for part in (witness.rule, when) if part)
-    bodies = f" [{', '.join(witness.bodies)}]" if witness.bodies else ""
-    return (f"{head}: " if head else "") + (witness.explanation or witness.verdict) + bodies
 
 
 def _word(unsafe: bool) -> str:

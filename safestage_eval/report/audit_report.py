@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator
 from itertools import groupby
-
-from rich.console import Console
-from rich.padding import Padding
-from rich.text import Text
 
 import safestage_eval.audit.checks  # noqa: F401 (declares the checks)
 from safestage_eval._text.line_width import LINE_WIDTH, folded
@@ -19,11 +14,9 @@ from safestage_eval.doubts.check_registry import SEVERITIES
 from safestage_eval.palette import TERMINAL
 from safestage_eval.version import __version__
 
-from .render_github import github_line
-from .render_json import render_json
-from .render_junit import Case, render_junit
-from .render_sarif import Help, Mark, render_sarif
-from .results_text import console_for, put
+from .document import render_json
+from .for_build_servers import Case, Help, Mark, render_github, render_junit, render_sarif
+from .render_text import Sheet
 
 FORMATS = ("table", "json", "junit", "github", "sarif")
 
@@ -52,12 +45,14 @@ def render(
         color: with terminal colours.
         everything: write every finding out.
     """
-    if form == "table":
-        return _text(audit, width, color=color, everything=everything)
-    formats: dict[str, Callable[[Audit], str]] = {
-        "json": _json, "junit": _junit, "github": _github, "sarif": _sarif,
-    }  # fmt: skip
-    return formats[form](audit)
+    helps = {code: Help(CHECKS[code].title, CHECKS[code].why) for code in audit.checks}
+    return {
+        "table": lambda: _text(audit, Sheet(width, color=color), everything=everything),
+        "json": lambda: _json(audit),
+        "junit": lambda: _junit(audit),
+        "github": lambda: render_github(_marks(audit), audit.problems),
+        "sarif": lambda: render_sarif(_marks(audit), helps, audit.problems),
+    }[form]()
 
 
 def explain(check: Check) -> str:
@@ -88,59 +83,48 @@ def headline(audit: Audit) -> str:
     return f"{total}: {', '.join(parts)}, in {len(bad)} of them."
 
 
-def _by_code(audit: Audit) -> list[tuple[Check, str, list[Finding]]]:
-    """Check, severity and findings, the gravest and then the lowest code first."""
+def _text(audit: Audit, sheet: Sheet, *, everything: bool) -> str:
+    """Findings by check, the gravest and then the lowest code first."""
 
-    def key(finding: Finding) -> tuple[int, str]:
+    def gravity(finding: Finding) -> tuple[int, str]:
         return SEVERITIES.index(finding.severity), finding.code
 
-    groups = groupby(sorted(audit.findings, key=key), key)
-    return [(CHECKS[code], SEVERITIES[rank], [*some]) for (rank, code), some in groups]
-
-
-def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> str:
-    buffer = io.StringIO()
-    console = console_for(buffer, width, color=color)
-    for check, severity, findings in _by_code(audit):
-        head = Text(f"{check.code} {severity}: {check.title}", f"bold {STYLES[severity]}")
-        console.print(head.append(f"  ({_count(findings, audit.episodes)})", "not bold default"))
+    ordered = sorted(audit.findings, key=gravity)
+    for (rank, code), same in groupby(ordered, gravity):
+        findings = [*same]
+        episodes = {finding.place.episode for finding in findings} - {""}
+        of = f"{len(episodes)} of {count(audit.episodes, 'episode')}"
+        head = f"{code} {SEVERITIES[rank]}: {CHECKS[code].title}"
+        rest = f"{head}  ({of if episodes else 'of the evaluation'})"
+        sheet.put(rest, mark=(head, f"bold {STYLES[SEVERITIES[rank]]}"))
         shown = findings if everything else findings[:SHOWN]
         for finding in shown:
-            _one(console, finding)
+            place = finding.place
+            time = "" if place.time is None else f"  at {place.time:.2f} s"
+            if place.episode or place.field or time:
+                where = "  ".join(filter(None, (place.episode, place.field)))
+                sheet.put(f"  {where}{time}", "bold")
+            parts = (("", finding.what), ("likely: ", finding.cause), ("fix: ", finding.fix))
+            for label, words in parts:
+                if words:
+                    sheet.put(f"    {label}{' '.join(words.split())}", mark=(label, "bold"))
         if len(findings) > len(shown):
-            console.print(f"  … {len(findings) - len(shown)} more: --verbose lists them")
-        console.print()
+            sheet.put(f"  … {len(findings) - len(shown)} more: --verbose lists them")
+        sheet.put()
     for problem in audit.problems:
-        console.print(Text(printable(f"unreadable: {problem.message}"), STYLES["error"]))
+        sheet.put(f"unreadable: {problem.message}", STYLES["error"])
     if audit.problems:
-        console.print()
+        sheet.put()
     if audit.aborted:
-        console.print(
+        sheet.put(
             f"left out, ended in an error: {count(len(audit.aborted), 'rollout')}; "
             "--where termination=error audits them"
         )
-    console.print(Text(headline(audit), "bold"))
-    codes = sorted({finding.code for finding in audit.findings})
-    if codes:
-        console.print(f"safestage audit --explain {codes[0]} says why a finding matters.")
-    return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
-
-
-def _one(console: Console, finding: Finding) -> None:
-    where = "  ".join(filter(None, (finding.place.episode, finding.place.field)))
-    time = "" if finding.place.time is None else f"  at {finding.place.time:.2f} s"
-    if where or time:
-        put(console, printable(f"  {where}{time}"), "bold")
-    parts = [("", finding.what), ("likely: ", finding.cause), ("fix: ", finding.fix)]
-    for label, words in parts:
-        if words:
-            text = Text(label, "bold").append(printable(" ".join(words.split())), "not bold")
-            console.print(Padding(text, (0, 0, 0, 4)))
-
-
-def _count(findings: Iterable[Finding], total: int) -> str:
-    episodes = {finding.place.episode for finding in findings} - {""}
-    return f"{len(episodes)} of {count(total, 'episode')}" if episodes else "of the evaluation"
+    sheet.put(headline(audit), "bold")
+    if ordered:
+        code = min(finding.code for finding in ordered)
+        sheet.put(f"safestage audit --explain {code} says why a finding matters.")
+    return str(sheet)
 
 
 def _json(audit: Audit) -> str:
@@ -163,46 +147,27 @@ def _sentence(finding: Finding) -> str:
     return printable(" ".join(ended))
 
 
+def _marks(audit: Audit) -> Iterator[Mark]:
+    for f in audit.findings:
+        place = f.place
+        yield Mark(f.code, f.severity, _sentence(f), place.path, place.episode, {"fix": f.fix})
+
+
 def _junit(audit: Audit) -> str:
     """One suite per check; a failure per error, and warnings and notes as skipped cases."""
-    suites = {}
+    suites: dict[str, list[Case]] = {}
     for code in audit.checks:
-        check = CHECKS[code]
-        suites[f"{code} {check.title}"] = [
+        of = CHECKS[code].of
+        suites[f"{code} {CHECKS[code].title}"] = [
             Case(
-                code,
-                finding.place.episode or check.of,
-                "failure" if finding.severity == "error" else "skipped",
-                _sentence(finding),
+                code, f.place.episode or of,
+                "failure" if f.severity == "error" else "skipped", _sentence(f),
             )
-            for finding in audit.findings
-            if finding.code == code
-        ] or [Case(code, check.of)]
+            for f in audit.findings
+            if f.code == code
+        ] or [Case(code, of)]  # fmt: skip
     if audit.problems:
         suites["unreadable"] = [
             Case("unreadable", problem.path, "error", problem.message) for problem in audit.problems
         ]
     return render_junit("safestage audit", suites)
-
-
-def _sarif(audit: Audit) -> str:
-    marks = (
-        Mark(f.code, f.severity, _sentence(f), f.place.path, f.place.episode, {"fix": f.fix})
-        for f in audit.findings
-    )
-    helps = {code: Help(CHECKS[code].title, CHECKS[code].why) for code in audit.checks}
-    return render_sarif(marks, helps, [(p.path, p.message) for p in audit.problems])
-
-
-def _github(audit: Audit) -> str:
-    level = {"error": "error", "warning": "warning", "note": "notice"}
-    lines = [
-        github_line(
-            level[f.severity], f"{f.code} {printable(f.place.episode)}".strip(), _sentence(f)
-        )
-        for f in audit.findings
-    ]
-    lines += [
-        github_line("error", "unreadable trace", printable(p.message)) for p in audit.problems
-    ]
-    return "".join(lines)

@@ -21,7 +21,7 @@ from safestage_eval.rules.uses import Source, own_params, sources, uses_of
 from safestage_eval.signals import SIGNALS
 from safestage_eval.verdicts.players import nodes
 
-from .render_markdown import markdown_lines
+from .document import markdown_lines
 from .rule_report import obligations, rule_facts
 from .table import Table
 

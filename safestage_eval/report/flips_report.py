@@ -3,68 +3,39 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval._text.plural import count
 from safestage_eval.version import __version__
 
-from .render_json import render_json
-from .render_text import render_text
+from .document import Document
 from .table import Table
 
 if TYPE_CHECKING:
-    from safestage_eval.whatif.result_difference import Difference, Flip, RateChange
+    from safestage_eval.whatif.result_difference import Difference, Flip
 
 
 def render(difference: Difference, form: str) -> str:
     """A difference as table or json."""
-    return {"table": _table, "json": _json}[form](difference)
+    tables = []
+    for rule, flips in difference.by_rule().items():
+        kinds = Counter(map(_change, flips))
+        title = f"{rule}: {', '.join(f'{number} {kind}' for kind, number in kinds.items())}"
+        rows = [[f"  {f.episode_id}", _change(f), _margins(f), f.cause] for f in flips]
+        tables.append(Table(title, (), rows, 4))
+    if difference.rates:
+        columns = ("policy", "prompt", "stage", "rate", "before", "after")
+        moved = []
+        for r in difference.rates:
+            ends = zip((r.before, r.after), r.counts, strict=True)
+            shown = ["–" if v is None else f"{100 * v:.1f} % {k}/{n}" for v, (k, n) in ends]
+            moved.append([r.policy, r.prompt, r.stage, r.metric, *shown])
+        tables.append(Table("", columns, moved, 4))
+    return Document(tables, _notes(difference), facts=lambda: _facts(difference)).render(form)
 
 
-def _table(difference: Difference) -> str:
-    tables = [
-        Table(
-            f"{rule}: {_counted(flips)}",
-            (),
-            [[f"  {f.episode_id}", _change(f), _margins(f), f.cause] for f in flips],
-            4,
-        )
-        for rule, flips in difference.by_rule().items()
-    ]
-    return render_text([*tables, *_rates(difference)], _summary(difference))
-
-
-def _rates(difference: Difference) -> list[Table]:
-    if not difference.rates:
-        return []
-    columns = ("policy", "prompt", "stage", "rate", "before", "after")
-    rows = [[r.policy, r.prompt, r.stage, r.metric, *_rate(r)] for r in difference.rates]
-    return [Table("", columns, rows, 4)]
-
-
-def _json(difference: Difference) -> str:
-    document = {
-        "version": __version__,
-        "flips": [_facts(flip) for flip in difference.flips],
-        "rates": [asdict(rate) for rate in difference.rates],
-        "same": difference.same,
-        "only_before": [list(pair) for pair in difference.only_before],
-        "only_after": [list(pair) for pair in difference.only_after],
-        "problems": list(difference.problems),
-    }
-    return render_json(document)
-
-
-def _facts(flip: Flip) -> dict[str, Any]:
-    facts = asdict(flip)
-    facts["margin_before"], facts["margin_after"] = facts.pop("margins")
-    facts["unit_before"], facts["unit_after"] = facts.pop("units")
-    return facts
-
-
-def _summary(difference: Difference) -> list[str]:
+def _notes(difference: Difference) -> list[str]:
     """Count the flips, and list what could not be compared."""
     flips, same = len(difference.flips), difference.same
     lines = [f"{flips} of {count(flips + same, 'verdict')} flipped"]
@@ -75,9 +46,21 @@ def _summary(difference: Difference) -> list[str]:
     return lines + [f"problem: {message}" for message in difference.problems]
 
 
-def _counted(flips: Sequence[Flip]) -> str:
-    kinds = Counter(_change(flip) for flip in flips)
-    return ", ".join(f"{number} {kind}" for kind, number in kinds.items())
+def _facts(difference: Difference) -> dict[str, Any]:
+    flips = []
+    for flip in map(asdict, difference.flips):
+        flip["margin_before"], flip["margin_after"] = flip.pop("margins")
+        flip["unit_before"], flip["unit_after"] = flip.pop("units")
+        flips.append(flip)
+    return {
+        "version": __version__,
+        "flips": flips,
+        "rates": [asdict(rate) for rate in difference.rates],
+        "same": difference.same,
+        "only_before": [list(pair) for pair in difference.only_before],
+        "only_after": [list(pair) for pair in difference.only_after],
+        "problems": list(difference.problems),
+    }
 
 
 def _change(flip: Flip) -> str:
@@ -91,11 +74,3 @@ def _margins(flip: Flip) -> str:
         "–" if margin is None else f"{margin:.4g} {unit or ''}".rstrip()
         for margin, unit in zip(flip.margins, flip.units, strict=True)
     )
-
-
-def _rate(change: RateChange) -> tuple[str, str]:
-    before, after = (
-        "–" if value is None else f"{100 * value:.1f} % {k}/{n}"
-        for value, (k, n) in zip((change.before, change.after), change.counts, strict=True)
-    )
-    return before, after

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from safestage_eval.run.gates import Gates
 from safestage_eval.run.scores import Scores
 from safestage_eval.signals import SIGNALS
 from safestage_eval.units import format_quantity
-from safestage_eval.verdicts import EpisodeResult, Verdict
+from safestage_eval.verdicts import EpisodeResult
 
-from .render_json import render_json
+from .document import render_json
 
 FORMAT = 1
 UPDATE = "--update-golden"
@@ -88,7 +89,7 @@ def changes(scores: Scores, path: Path, update: str = UPDATE) -> list[Change]:
     """
     wanted = _read(path, update)
     results = {r.episode_id: r for r in scores.results}
-    lines = [
+    found = [
         Change("expected, but not among the episodes", name)
         for name in wanted
         if name not in results
@@ -99,18 +100,15 @@ def changes(scores: Scores, path: Path, update: str = UPDATE) -> list[Change]:
         for rule in r.not_loaded
         if rule in wanted.get(name, {}).get("rules", {})
     )
-    lines += [
-        Change(
-            f"not among the loaded rules, so not judged in {count(number, 'episode')}", None, rule
-        )
-        for rule, number in sorted(missing.items())
-    ]
+    for rule, number in sorted(missing.items()):
+        episodes = count(number, "episode")
+        found.append(Change(f"not among the loaded rules, so not judged in {episodes}", None, rule))
     for name, result in results.items():
         if name in wanted:
-            lines += _differences(wanted[name], result, scores.gates)
+            found += _differences(wanted[name], result, scores.gates)
         else:
-            lines.append(Change(f"not expected; {update} adds it", name))
-    return lines
+            found.append(Change(f"not expected; {update} adds it", name))
+    return found
 
 
 def _read(path: Path, update: str) -> dict[str, Any]:
@@ -135,68 +133,56 @@ def _expected(result: EpisodeResult, gates: Gates) -> dict[str, Any]:
         "trace_hash": result.trace_hash,
         "success": result.success,
         "success_time": _rounded(result.success_time),
-        "rules": {v.rule: _verdict(v) for v in gates.counted(result)},
+        "rules": {
+            v.rule: {name: _rounded(getattr(v, name)) for name in (*_FIELDS, "rule_digest")}
+            for v in gates.counted(result)
+        },
     }
 
 
-def _verdict(v: Verdict) -> dict[str, Any]:
-    return {
-        "verdict": v.verdict,
-        "time": _rounded(v.time),
-        "signal": v.signal,
-        "value": _rounded(v.value),
-        "limit": _rounded(v.limit),
-        "rule_digest": v.rule_digest,
-    }
-
-
-def _differences(wanted: dict[str, Any], result: EpisodeResult, gates: Gates) -> list[Change]:
+def _differences(wanted: dict[str, Any], result: EpisodeResult, gates: Gates) -> Iterator[Change]:
     actual, name = _expected(result, gates), result.episode_id
-    lines = []
     other_trace = wanted["trace_hash"] != actual["trace_hash"]
     if other_trace:
-        lines.append(
-            Change("the trace is not the one that the expectations were made for: " + _hashes(
-                wanted["trace_hash"], actual["trace_hash"]), name)
-        )  # fmt: skip
-    lines += [
-        Change(f"{field} {_shown(field, wanted[field])} → {_shown(field, actual[field])}", name)
-        for field in ("success", "success_time")
-        if not _same(field, wanted[field], actual[field])
-    ]
-    verdicts = {v.rule: v for v in gates.counted(result)}
-    for rule in sorted({*wanted["rules"], *verdicts} - {*result.not_loaded}):
-        if rule not in verdicts or rule not in wanted["rules"]:
-            gone = rule in wanted["rules"]
-            what = "is not assigned or named any more" if gone else "was not assigned or named"
-            lines.append(Change(what, name, rule))
-        else:
-            what = _change(wanted["rules"][rule], verdicts[rule], other_trace=other_trace)
-            lines += [Change(what, name, rule)] if what else []
-    return lines
+        hashes = _hashes(wanted["trace_hash"], actual["trace_hash"])
+        yield Change(
+            f"the trace is not the one that the expectations were made for: {hashes}", name
+        )
+    for field in ("success", "success_time"):
+        before, now = wanted[field], actual[field]
+        if not _same(field, before, now):
+            yield Change(f"{field} {_shown(field, before)} → {_shown(field, now)}", name)
+    dimensions = {v.rule: v.dimension for v in gates.counted(result)}
+    before, now = wanted["rules"], actual["rules"]
+    for rule in sorted({*before, *now} - {*result.not_loaded}):
+        if rule not in now:
+            yield Change("is not assigned or named any more", name, rule)
+        elif rule not in before:
+            yield Change("was not assigned or named", name, rule)
+        elif what := _change(before[rule], now[rule], dimensions[rule], other_trace=other_trace):
+            yield Change(what, name, rule)
 
 
-def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
+def _change(
+    before: dict[str, Any], now: dict[str, Any], dimension: str | None, *, other_trace: bool
+) -> str:
     """Describe what changed in a verdict, and for which of three reasons; empty if nothing did.
 
     Value and limit are given even where they did not change: the verdict rests on them.
     """
-    now = _verdict(v)
     changed = [name for name in _FIELDS if not _same(name, before[name], now[name])]
     if not changed:
         return ""
     parts = []
     same_signal = before["signal"] == now["signal"]
-    was = v.dimension if same_signal else _dimension(before["signal"])
+    was = dimension if same_signal else _dimension(before["signal"])
     for name in _FIELDS:
-        old, new = _shown(name, before[name], was), _shown(name, now[name], v.dimension)
+        old, new = _shown(name, before[name], was), _shown(name, now[name], dimension)
         if name in changed or (old != new and not same_signal):
             parts.append(f"{name} {old} → {new}")
         elif name in ("value", "limit") and now[name] is not None:
             parts.append(f"{name} still {new}")
-    reasons = []
-    if other_trace:
-        reasons.append("the trace is another")
+    reasons = ["the trace is another"] if other_trace else []
     if before["rule_digest"] != now["rule_digest"]:
         digests = _hashes(before["rule_digest"], now["rule_digest"])
         reasons.append(f"rule or parameter changed: digest {digests}")
@@ -224,8 +210,11 @@ def _same(name: str, before: Any, now: Any) -> bool:
     return bool(before == now)
 
 
-def _rounded(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else round(value, 6)
+def _rounded(value: Any) -> Any:
+    """A number to the sixth digit, None if it is not finite; anything else as it is."""
+    if not isinstance(value, float):
+        return value
+    return round(value, 6) if math.isfinite(value) else None
 
 
 def _shown(name: str, value: Any, dimension: str | None = None) -> str:

@@ -1,4 +1,4 @@
-"""Tables as plain text for a terminal."""
+"""Reports as plain text for a terminal: lines that fit, columns under each other, colours where they are wanted."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
 from rich.cells import cell_len
+from rich.color import ColorSystem
+from rich.style import Style
 
-from safestage_eval._text.line_width import LINE_WIDTH, fold
+from safestage_eval._text.line_width import fold
 from safestage_eval._text.printable import printable
 
 from .table import Table
@@ -17,17 +19,42 @@ GAP = "  "
 SENTENCE = 24
 """Characters of a line of a column of sentences, at the least."""
 
-Cells = list[list[str]]
+WIDTH = 100
+"""Characters per line where there is no terminal; lines are wrapped, never cut off."""
+
+LEAST = 50
+"""Below this the columns leave no room for sentences, and letters would be lost."""
 
 
-def render_text(tables: Sequence[Table], notes: Sequence[str] = (), lead: str = "") -> str:
-    """The lead, each table and an empty line, then the notes; no line longer than ``LINE_WIDTH``."""
-    width = LINE_WIDTH.get()
-    lines = [*fold(printable(lead), width), ""] if lead else []
-    for table in tables:
-        lines += [*text_lines(table, width), ""]
-    notes = [part for note in notes for part in fold(printable(note), width)]
-    return "\n".join([*lines, *notes]).rstrip("\n") + "\n"
+class Sheet:
+    """Lines for a terminal of some width, with colours if there is one."""
+
+    def __init__(self, width: int | None, *, color: bool = False) -> None:
+        self.width, self._color = max(width or WIDTH, LEAST), color
+        self._lines: list[str] = []
+
+    def put(self, text: str = "", style: str = "", *, mark: tuple[str, str] | None = None) -> None:
+        """Add a line, folded between words; ``mark``: a word of it with a style of its own."""
+        for folded in fold(printable(text), self.width):
+            line = folded.rstrip()
+            before, word, after = line.partition(mark[0]) if mark and mark[0] else (line, "", "")
+            marked = self._styled(word, mark[1]) if mark else ""
+            self._lines.append(self._styled(before, style) + marked + self._styled(after, style))
+            mark = None if word else mark
+
+    def table(self, table: Table) -> None:
+        """Add a table with its heads in bold."""
+        for i, line in enumerate(text_lines(table, self.width)):
+            self._lines.append(self._styled(line, "bold" * (i == 0)))
+
+    def _styled(self, text: str, style: str) -> str:
+        if not (self._color and style and text):
+            return text
+        return Style.parse(style).render(text, color_system=ColorSystem.EIGHT_BIT)
+
+    def __str__(self) -> str:
+        """All lines."""
+        return "\n".join(self._lines) + "\n"
 
 
 def text_lines(table: Table, width: int | None = None) -> list[str]:
@@ -36,104 +63,87 @@ def text_lines(table: Table, width: int | None = None) -> list[str]:
     Where that is wider than ``width`` characters, heads and words are set on several lines; where that
     does not help, the columns are shown some at a time, the names of the rows before each time.
     """
-    rows: Cells = [[printable(cell) for cell in row] for row in table.shown_rows()]
-    head = [printable(cell) for cell in table.columns]
     lines = fold(printable(table.title), width) if table.title else []
-    for i, columns in enumerate(_blocks(table, head, rows, width)):
+    rows = [[printable(cell) for cell in row] for row in table.shown_rows()]
+    head = [printable(cell) for cell in table.columns]
+    if not head and not rows:
+        return lines
+    columns = [_Column(table, i, head, rows) for i in range(table.width)]
+    for i, part in enumerate(_parts(columns, table.names, width)):
         lines += [""] * (i > 0)
-        lines += _block(table, head, rows, columns, width)
+        lines += _part(part, width, with_head=bool(head), ruled=bool(table.title))
     return lines
 
 
-def _blocks(
-    table: Table, head: list[str], rows: Cells, width: int | None
-) -> Iterator[tuple[int, ...]]:
-    """Groups of columns that fit the width, in order."""
-    names = [*range(min(table.names, table.width))]
-    least = [_room(table, head, rows, i) for i in range(table.width)]
+class _Column:
+    """The cells of a column, its head first if there is one, and how wide it is."""
 
-    def fits(columns: list[int]) -> bool:
-        wide = sum(least[i] for i in columns) + len(GAP) * (len(columns) - 1)
-        return width is None or wide <= width
+    def __init__(self, table: Table, i: int, head: list[str], rows: list[list[str]]) -> None:
+        self.left = table.is_left(i)
+        self.cells = [*head[i : i + 1], *(row[i] for row in rows)]
+        whole = [] if self.left else self.cells[len(head[i : i + 1]) :]  # numbers stay on one line
+        words = [word for cell in (self.cells if self.left else head[i : i + 1]) for word in cell.split()]  # fmt: skip
+        self.most = max(map(cell_len, self.cells))
+        self.least = max(map(cell_len, [*whole, *words]), default=0)
+        sentences = i >= table.width - table.texts
+        self.room = max(self.least, min(SENTENCE, self.most)) if sentences else self.least
 
-    shown: set[int] = set()
-    now = [*names]
-    for i in range(table.names, table.width):
-        if not fits([*now, i]):
-            if not shown.issuperset(now):
-                yield tuple(now)
-                shown.update(now)
-            now = [*names]
-            while len(now) > 1 and not fits([*now, i]):  # the first name still tells the row
-                now.pop()
-        now.append(i)
-    yield tuple(now)
+    def lines(self, row: int, size: int) -> list[str]:
+        """A cell on as many lines as it needs."""
+        text, lines = self.cells[row], [""]
+        if cell_len(text) <= size:
+            return [text]
+        for word in text.split():
+            longer = f"{lines[-1]} {word}".strip()
+            if lines[-1] and cell_len(longer) > size:
+                lines.append(word)
+            else:
+                lines[-1] = longer
+        return lines
 
-
-def _least(table: Table, head: list[str], rows: Cells, column: int) -> int:
-    """Characters that a column needs at the least: those of its longest word; a number is one."""
-    words = [word for title in head[column : column + 1] for word in title.split()]
-    cells = [row[column] for row in rows]
-    text = table.is_left(column)
-    words += [word for cell in cells for word in cell.split()] if text else cells
-    return max(map(cell_len, words), default=0)
+    def aligned(self, text: str, size: int) -> str:
+        space = " " * (size - cell_len(text))
+        return text + space if self.left else space + text
 
 
-def _room(table: Table, head: list[str], rows: Cells, column: int) -> int:
-    """Characters that a column is given at the least, if there is room: sentences want more."""
-    least = _least(table, head, rows, column)
-    if column < table.width - table.texts:
-        return least
-    return max(least, min(SENTENCE, _most(head, rows, column)))
+def _fit(sizes: Sequence[int], width: int | None) -> bool:
+    return width is None or sum(sizes) + len(GAP) * (len(sizes) - 1) <= width
 
 
-def _most(head: list[str], rows: Cells, column: int) -> int:
-    """Width of a column in characters, unfolded."""
-    return max(map(cell_len, [*head[column : column + 1], *(row[column] for row in rows)]))
+def _parts(columns: list[_Column], names: int, width: int | None) -> Iterator[list[_Column]]:
+    """Columns that fit the width together, in order, behind those that name the rows."""
+    now, fresh = columns[:names], True
+    for column in columns[names:]:
+        if not _fit([c.room for c in (*now, column)], width):
+            if fresh:
+                yield now
+            now, fresh = columns[:names], False
+            while len(now) > 1 and not _fit([c.room for c in (*now, column)], width):
+                now.pop()  # the first name still tells the row
+        now, fresh = [*now, column], True
+    yield now
 
 
-def _block(
-    table: Table, head: list[str], rows: Cells, columns: Sequence[int], width: int | None
+def _part(
+    columns: list[_Column], width: int | None, *, with_head: bool, ruled: bool
 ) -> Iterator[str]:
     """Heads, a rule, and rows, of some columns."""
-    if not rows and not head:
-        return
-    sizes = {i: _most(head, rows, i) for i in columns}
-    gaps = len(GAP) * (len(columns) - 1)
-    if width is not None and sum(sizes.values()) + gaps > width:
-        least = {i: _room(table, head, rows, i) for i in columns}
-        if sum(least.values()) + gaps > width:
-            least = {i: _least(table, head, rows, i) for i in columns}
-        free = max(width - gaps - sum(least.values()), 0)
-        for i in sorted(columns, key=lambda i: sizes[i] - least[i]):  # the longest gets the rest
-            more = min(sizes[i] - least[i], free)
+    sizes = [c.most for c in columns]
+    if width is not None and not _fit(sizes, width):
+        rooms = [c.room for c in columns]
+        least = rooms if _fit(rooms, width) else [c.least for c in columns]
+        free = max(width - sum(least) - len(GAP) * (len(columns) - 1), 0)
+        for i in sorted(range(len(columns)), key=lambda i: sizes[i] - least[i]):
+            more = min(sizes[i] - least[i], free)  # the longest gets the rest
             sizes[i], free = least[i] + more, free - more
-    for n, row in enumerate([head, *rows] if head else rows):
-        parts = [_wrapped(row[i], sizes[i]) for i in columns]
-        if n == 0 and head:  # heads stand on the rule
-            most = max(map(len, parts))
-            parts = [[""] * (most - len(part)) + part for part in parts]
-        for line in zip_longest(*parts, fillvalue=""):
-            cells = zip(columns, line, strict=True)
-            yield GAP.join(_aligned(c, sizes[i], table.is_left(i)) for i, c in cells).rstrip()
-        if n == 0 and head and table.title:
-            yield "─" * (sum(sizes.values()) + gaps)
-
-
-def _wrapped(text: str, size: int) -> list[str]:
-    """The lines of a cell."""
-    if cell_len(text) <= size:
-        return [text]
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and cell_len(longer) > size:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines
-
-
-def _aligned(text: str, size: int, left: bool) -> str:
-    space = " " * (size - cell_len(text))
-    return text + space if left else space + text
+    for row in range(len(columns[0].cells)):
+        cells = [c.lines(row, size) for c, size in zip(columns, sizes, strict=True)]
+        is_head = with_head and row == 0
+        if is_head:  # heads stand on the rule
+            most = max(map(len, cells))
+            cells = [[""] * (most - len(cell)) + cell for cell in cells]
+        for line in zip_longest(*cells, fillvalue=""):
+            parts = zip(columns, line, sizes, strict=True)
+            yield GAP.join(c.aligned(text, size) for c, text, size in parts).rstrip()
+        if is_head and ruled:
+            yield "─" * (sum(sizes) + len(GAP) * (len(columns) - 1))

@@ -1,11 +1,13 @@
-"""Results as rows and as one JSON object: what every machine-readable format is made of."""
+"""Results as rows and as one JSON object, and both as text: what every machine-readable format is made of."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, get_args
 
+from safestage_eval._text.json_out import to_json
 from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts.verdict import VerdictName
@@ -87,3 +89,25 @@ def by_rule_rows(scores: Scores) -> list[dict[str, Any]]:
         }
         for c in scores.by_rule
     ]
+
+
+_EPISODES = ' "episodes": []'
+
+
+def json_pieces(scores: Scores) -> Iterator[str]:
+    """The text of ``document``, the rows one by one."""
+    around = document(replace(scores, results=()))
+    around["metrics"] = rates_of(scores)
+    before, after = to_json(around, 1).split(_EPISODES, 1)
+    yield before + _EPISODES[:-1]
+    separator = "\n"
+    for row in each_row(scores):
+        yield separator + "  " + to_json(row, 1).replace("\n", "\n  ")
+        separator = ",\n"
+    yield ("\n ]" if separator != "\n" else "]") + after + "\n"
+
+
+def json_lines(scores: Scores) -> Iterator[str]:
+    """One row per line."""
+    for row in each_row(scores):
+        yield to_json(row) + "\n"

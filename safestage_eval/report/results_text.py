@@ -1,20 +1,13 @@
-"""Results as text for people: the rates, how each rule fared, the gravest violations, and what is left open."""
+"""Results for people, on a terminal and as Markdown: the rates, how each rule fared, the gravest violations, what is left open."""
 
 from __future__ import annotations
 
-import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
 from textwrap import shorten
 
-from rich.console import Console
-from rich.padding import Padding
-from rich.table import Table as Grid
-from rich.text import Text
-
-from safestage_eval._text.line_width import folded
 from safestage_eval._text.plural import count, first_few
-from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import (
     Outcome,
     Rates,
@@ -29,7 +22,8 @@ from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
-from .render_text import text_lines
+from .document import markdown_code, markdown_lines, markdown_list, markdown_text
+from .render_text import Sheet
 from .summary import headline, in_short, rate_table, summary, unsafe_successes
 from .table import Table
 
@@ -42,22 +36,16 @@ FINDINGS = 6
 CAUSES = 2
 """Rules of which it is said why they are undecided, and problems that are shown."""
 
-WIDTH = 100
-"""Characters per line where there is no terminal; lines are wrapped, never cut off."""
-
-LEAST = 50
-"""Below this the columns leave no room for sentences, and letters would be lost."""
-
 FAILED, REMARK = TERMINAL["violation"], TERMINAL["inconclusive"]
 """Colours of what failed, and of what is to be noted."""
 
 SECTIONS = {
-    "violation": ("Violated", TERMINAL["violation"]),
-    "inconclusive": ("Undecided", TERMINAL["inconclusive"]),
-    "not_applicable": ("Hazard not met, counted as no violation", TERMINAL["not_applicable"]),
-    "pass": ("Safe", TERMINAL["pass"]),
+    "violation": "Violated",
+    "inconclusive": "Undecided",
+    "not_applicable": "Hazard not met, counted as no violation",
+    "pass": "Safe",
 }
-"""Outcome of an episode → heading and colour, in this order."""
+"""Outcome of an episode → heading, in this order."""
 
 BAD = ("violation", "inconclusive")
 """Verdicts that are listed even for rules that are not assigned."""
@@ -67,7 +55,7 @@ COLUMNS = {
 }  # fmt: skip
 """Verdict → its column in the table by rule."""
 
-_ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
+_ORDER = ("violation", "inconclusive", "pass", "not_applicable")
 
 
 def render(
@@ -78,7 +66,7 @@ def render(
     everything: bool = False,
     traces: str = "",
 ) -> str:
-    """The whole report.
+    """The whole report for a terminal.
 
     Args:
         scores: what scoring came to.
@@ -87,49 +75,67 @@ def render(
         everything: list every episode, every stage, and the findings of rules that are not assigned.
         traces: as given on the command line, for the command that comes next.
     """
-    buffer = io.StringIO()
-    console = console_for(buffer, width, color=color)
-    rules, aside = scores.by_rule, scores.set_aside
-    every = outcomes(scores.results, aside)
+    sheet = Sheet(width, color=color)
+    every = outcomes(scores.results, scores.set_aside)
     total = rates(every)
     for line in headline(total, len(scores.problems)):
-        put(console, line, "bold")
-    console.print()
-    _rules(console, rules, everything=everything)
+        sheet.put(line, "bold")
+    sheet.put()
+    _rules(sheet, scores.by_rule, everything=everything)
     if everything:
-        _episodes(console, scores, every)
+        _episodes(sheet, scores, every)
         for line in summary(total):
-            put(console, line)
-        console.print()
+            sheet.put(line)
+        sheet.put()
     else:
-        _violations(console, scores)
-    _rates(console, by_policy_stage(every), everything=everything)
-    _leftovers(console, scores, total, everything=everything)
-    for line in _verdict(scores, total, traces, console.width):
-        put(console, line, "bold")
-    return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
+        _violations(sheet, scores)
+    _rates(sheet, by_policy_stage(every), everything=everything)
+    for line in _leftovers(scores, total, everything=everything):
+        sheet.put(line, REMARK)
+    for problem in _some(problem_lines(scores), everything):
+        for line in problem.split("\n"):
+            sheet.put(line, FAILED)
+    for line in _verdict(scores, total, traces, sheet.width):
+        sheet.put(line, "bold")
+    return str(sheet)
 
 
-def console_for(buffer: io.StringIO, width: int | None, *, color: bool) -> Console:
-    """A console that writes into a buffer, as wide as the terminal; without one, ``WIDTH``."""
-    return Console(
-        file=buffer, width=max(width or WIDTH, LEAST), color_system="256" if color else None,
-        force_terminal=color, no_color=not color, highlight=False, markup=False,
-    )  # fmt: skip
-
-
-def put(console: Console, text: str, style: str = "") -> None:
-    """Print lines, folded between words; ids and paths stay whole."""
-    for line in folded(text, console.width).split("\n"):
-        console.print(Text(line, style), soft_wrap=True)
+def markdown(scores: Scores) -> str:
+    """Two sections; problems as a third if there are any."""
+    every = outcomes(scores.results, scores.set_aside)
+    total, rules = rates(every), scores.by_rule
+    first, *others = headline(total, len(scores.problems))
+    lines = [f"**{first}.**  "]
+    lines += [f"{line[:1].upper()}{line[1:]}.  " for line in (*others, *summary(total))]
+    by_rule = Table(
+        "",
+        ("rule", "asks", *COLUMNS.values(), "why undecided"),
+        [
+            [c.rule, c.title, *(str(c[name]) for name in COLUMNS), why_open(c) if c.cause else ""]
+            for c in rules
+        ],
+        2,
+        1,
+    )
+    cells = rate_table(by_policy_stage(every))
+    lines += ["", *markdown_lines(by_rule), "", *markdown_lines(cells), ""]
+    left = [*set_aside_lines(rules), *left_out(total, scores)]
+    lines += [markdown_text(f"{line}.") for line in left]
+    findings = [
+        f"- **{v.rule}** {markdown_code(r.episode_id)}: {markdown_text(v.explanation)}"
+        for r in scores.results
+        for v in by_importance(r.assigned)
+        if v.verdict in BAD
+    ]
+    lines += ["", "## Findings", "", *(findings or ["None."])]
+    if scores.problems:
+        lines += ["", "## Problems", "", *markdown_list(p.message for p in scores.problems)]
+    return "\n".join(lines) + "\n"
 
 
 def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
     """Assigned ones first; among them violations, the earliest first."""
-    return sorted(
-        verdicts,
-        key=lambda v: (not v.assigned, _ORDER[v.verdict], v.time if v.time is not None else 0.0),
-    )
+    return sorted(verdicts, key=lambda v: (not v.assigned, _ORDER.index(v.verdict), v.time or 0.0))
 
 
 def goal_of(result: EpisodeResult) -> str:
@@ -154,39 +160,30 @@ def _section(outcome: Outcome) -> str:
     return "pass" if outcome.at_risk else "not_applicable"
 
 
-def _rules(console: Console, rules: Sequence[RuleCount], *, everything: bool) -> None:
+def _rules(sheet: Sheet, rules: Sequence[RuleCount], *, everything: bool) -> None:
     """A table by rule, why it is undecided, and the rules that are set aside."""
     deciding = [rule for rule in rules if not rule.set_aside]
     shown = [rule for rule in deciding if everything or any(rule[name] for name in BAD)]
     if shown:
-        columns = {name: head for name, head in COLUMNS.items() if any(r[name] for r in shown)}
-        head = ("rule", *columns.values(), "asks")
-        room = console.width - sum(len(name) + 2 for name in columns.values()) - 8
+        counted = {head: name for name, head in COLUMNS.items() if any(r[name] for r in shown)}
+        room = max(sheet.width - sum(len(head) + 2 for head in counted) - 8, 20)
         rows = [
             [
                 rule.rule,
-                *(str(rule[name] or "–") for name in columns),
-                rule.title if everything else _cut(rule.title, room),
+                *(str(rule[name] or "–") for name in counted.values()),
+                rule.title if everything else shorten(rule.title, room, placeholder=" …"),
             ]
             for rule in shown
         ]
-        for i, line in enumerate(text_lines(Table("", head, rows, 1, 1), console.width)):
-            console.print(Text(line, "bold" if i == 0 else ""))
+        sheet.table(Table("", ("rule", *counted, "asks"), rows, 1, 1))
     if rest := [rule for rule in deciding if rule not in shown]:
         codes = first_few([rule.rule for rule in rest], 8)
-        put(console, f"Neither violated nor undecided: {codes}")
+        sheet.put(f"Neither violated nor undecided: {codes}")
     causes = [f"{rule.rule} undecided in {why_open(rule)}" for rule in shown if rule.cause]
-    for line in _some(causes, everything):
-        put(console, printable(line), REMARK)
-    for line in set_aside_lines(rules):
-        put(console, printable(line), REMARK)
+    for line in (*_some(causes, everything), *set_aside_lines(rules)):
+        sheet.put(line, REMARK)
     if rules:
-        console.print()
-
-
-def _cut(title: str, room: int) -> str:
-    """A title on one line; ``safestage rules show`` has it whole."""
-    return shorten(title, max(room, 20), placeholder=" …")
+        sheet.put()
 
 
 def why_open(rule: RuleCount) -> str:
@@ -208,12 +205,7 @@ def set_aside_lines(rules: Iterable[RuleCount]) -> list[str]:
     ]
 
 
-def _gravity(verdict: Verdict) -> float:
-    """Key that sorts what is furthest beyond its limit first."""
-    return 0.0 if verdict.margin_normalised is None else verdict.margin_normalised
-
-
-def _violations(console: Console, scores: Scores) -> None:
+def _violations(sheet: Sheet, scores: Scores) -> None:
     """The worst violations of each rule, each episode once."""
     rules: dict[str, list[tuple[EpisodeResult, Verdict]]] = {}
     for result in scores.results:
@@ -222,77 +214,61 @@ def _violations(console: Console, scores: Scores) -> None:
                 rules.setdefault(v.rule, []).append((result, v))
     if not rules:
         return
-    total = sum(map(len, rules.values()))
-    for each in rules.values():
-        each.sort(key=lambda found: _gravity(found[1]))
-    worst = next(
-        (n for n in range(WORST, 1, -1) if sum(min(len(e), n) for e in rules.values()) <= FINDINGS),
-        1,
-    )
-    order = sorted(rules.values(), key=lambda each: (-len(each), each[0][1].rule))
+    for found in rules.values():
+        found.sort(key=lambda one: one[1].margin_normalised or 0.0)
+    order = sorted(rules, key=lambda rule: (-len(rules[rule]), rule))
     once: dict[str, tuple[EpisodeResult, Verdict]] = {}
-    for result, v in (found for each in order for found in each[:worst]):
-        once.setdefault(result.episode_id, (result, v))
-    shown = [*once.values()][:FINDINGS]
-    left = total - len(shown)
-    more = f", {left} more with -v" if left else ""
-    console.print(Text(f"Violations: {total}{more}", f"bold {FAILED}"))
+    for nth in zip_longest(*(rules[rule][:WORST] for rule in order)):
+        for one in filter(None, nth):
+            once.setdefault(one[0].episode_id, one)
+    shown = sorted([*once.values()][:FINDINGS], key=lambda one: order.index(one[1].rule))
+    total = sum(map(len, rules.values()))
+    more = f", {total - len(shown)} more with -v" if total > len(shown) else ""
+    sheet.put(f"Violations: {total}{more}", f"bold {FAILED}")
     for result, v in shown:
-        put(console, printable(f"  {v.rule}  {result.episode_id}"), "bold")
-        put(console, printable(f"          {in_short(v)}"))
-    console.print()
+        sheet.put(f"  {v.rule}  {result.episode_id}", "bold")
+        sheet.put(f"          {in_short(v)}")
+    sheet.put()
 
 
-def _episodes(console: Console, scores: Scores, every: Iterable[Outcome]) -> None:
+def _episodes(sheet: Sheet, scores: Scores, every: Sequence[Outcome]) -> None:
     """Every episode with its verdicts; then those that no rule is assigned to."""
-    by_outcome: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
+    by_outcome: dict[str, list[EpisodeResult]] = {name: [] for name in SECTIONS}
     for result, outcome in zip(scores.results, every, strict=True):
         if outcome.judged:
             by_outcome[_section(outcome)].append(result)
-    total = sum(map(len, by_outcome.values()))
-    sections = [
-        (
-            f"{heading}: {len(by_outcome[name])} of {count(total, 'episode')}",
-            style,
-            by_outcome[name],
-        )
-        for name, (heading, style) in SECTIONS.items()
-    ]
+    total = count(sum(map(len, by_outcome.values())), "episode")
     others = [
         r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in r.verdicts)
     ]
-    sections.append(
-        (f"By rules that are not assigned: {count(len(others), 'episode')}", "", others)
-    )
-    for heading, style, results in sections:
-        if not results:
-            continue
-        console.print(Text(heading, f"bold {style}".strip()))
-        for result in results:
-            head = f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"
-            put(console, printable(head), "bold")
-            console.print(Padding(_grid(result.verdicts), (0, 0, 0, 4)))
-        console.print()
+    unassigned = f"By rules that are not assigned: {count(len(others), 'episode')}"
+    for heading, style, results in (
+        *(
+            (f"{heading}: {len(by_outcome[name])} of {total}", TERMINAL[name], by_outcome[name])
+            for name, heading in SECTIONS.items()
+        ),
+        (unassigned, "", others),
+    ):
+        if results:
+            sheet.put(heading, f"bold {style}")
+            for result in results:
+                _episode(sheet, result)
+            sheet.put()
 
 
-def _grid(verdicts: Sequence[Verdict]) -> Grid:
+def _episode(sheet: Sheet, result: EpisodeResult) -> None:
     """The assigned verdicts, and what is not safe among the others."""
-    grid = Grid.grid(padding=(0, 2, 0, 0))
-    grid.add_column(overflow="fold")
-    grid.add_column(no_wrap=True)
-    grid.add_column(justify="right", min_width=8)
-    grid.add_column(overflow="fold", ratio=1)
-    for v in by_importance(verdicts):
-        if v.assigned or v.verdict in BAD:
-            at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
-            word = v.verdict.replace("_", " ")
-            grid.add_row(
-                printable(v.rule),
-                Text(word, SECTIONS[v.verdict][1] if v.assigned else ""),
-                at,
-                Text(printable(" ".join(_sentence(v).split()))),
-            )
-    return grid
+    sheet.put(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}", "bold")
+    listed = [v for v in by_importance(result.verdicts) if v.assigned or v.verdict in BAD]
+    wide = max((len(v.verdict) for v in listed), default=0)
+    for v in listed:
+        at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
+        word = v.verdict.replace("_", " ")
+        sentence = " ".join(_sentence(v).split())
+        sheet.put(
+            f"    {v.rule}  {word:<{wide}}  {at:>8}  {sentence}",
+            mark=(word, TERMINAL[v.verdict] if v.assigned else ""),
+        )
 
 
 def _sentence(v: Verdict) -> str:
@@ -308,48 +284,36 @@ def _sentence(v: Verdict) -> str:
     return sentence + (f" ({', '.join(facts)})" if facts else "")
 
 
-def _rates(console: Console, cells: dict[tuple[str, ...], Rates], *, everything: bool) -> None:
+def _rates(sheet: Sheet, cells: dict[tuple[str, ...], Rates], *, everything: bool) -> None:
     """A row per policy and prompt, or per stage where there is one of these; none for a single row."""
     cells = {names: cell for names, cell in cells.items() if cell.n or cell.inconclusive}
     groups = Counter(names[:2] for names in cells)
     if not everything and len(groups) > 1:
         cells = {n: c for n, c in cells.items() if groups[n[:2]] == 1 or n[2] == ALL}
-    if len(cells) < 2:
-        return
-    lines = text_lines(rate_table(cells), console.width)
-    for i, line in enumerate((*lines, "")):
-        console.print(Text(line, "bold" if i == 0 else ""))
+    if len(cells) > 1:
+        sheet.table(rate_table(cells))
+        sheet.put()
 
 
-def _leftovers(console: Console, scores: Scores, total: Rates, *, everything: bool) -> None:
-    lines = [*left_out(total, scores), *filter(None, [scores.sample])]
-    lines += _unassigned(scores)
-    notes = [f"note: {r.episode_id}: {note}" for r in scores.results for note in r.notes]
-    lines += (
-        notes if everything or len(notes) == 1 else [f"{len(notes)} notes with -v"] * bool(notes)
+def _leftovers(scores: Scores, total: Rates, *, everything: bool) -> Iterator[str]:
+    """What is in no rate, what unassigned rules found, and notes."""
+    yield from left_out(total, scores)
+    if scores.sample:
+        yield scores.sample
+    words: Counter[str] = Counter(
+        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
     )
-    for line in lines:
-        put(console, printable(line), REMARK)
-    problems = _some(problem_lines(scores), everything)
-    for line in problems:
-        put(console, printable_lines(line), FAILED)
+    if words:
+        counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
+        yield f"Rules that are not assigned to these episodes found: {counts}; -v lists them"
+    notes = [f"note: {r.episode_id}: {note}" for r in scores.results for note in r.notes]
+    yield from notes if everything or len(notes) < 2 else [f"{len(notes)} notes with -v"]
 
 
 def _some(lines: list[str], everything: bool) -> list[str]:
     """The lines; of many, the first few and their number."""
     more = len(lines) - CAUSES
     return lines if everything or more <= 0 else [*lines[:CAUSES], f"{more} more with -v"]
-
-
-def _unassigned(scores: Scores) -> list[str]:
-    """What the loaded rules found in episodes to which none is assigned."""
-    words: Counter[str] = Counter(
-        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
-    )
-    if not words:
-        return []
-    counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
-    return [f"Rules that are not assigned to these episodes found: {counts}; -v lists them"]
 
 
 def _verdict(scores: Scores, total: Rates, traces: str, width: int) -> list[str]:

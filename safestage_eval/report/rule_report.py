@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from safestage_eval._text.line_width import LINE_WIDTH
@@ -18,7 +18,7 @@ from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS
 
 from .render_text import text_lines
-from .table import Table
+from .table import Table, table_of
 
 LEFT = 12
 """Characters before the text of an entry."""
@@ -144,44 +144,58 @@ def _charges(cost: ast.Cost, params: ast.Params) -> dict[str, Any]:
 
 def explain_rule(facts: Mapping[str, Any]) -> str:
     """The facts of a rule as a page of text."""
-    lines = [f"{facts['code']}  {facts['title']}"]
-    roles = [f"{name}: {text}" for name, text in facts["roles"].items()]
-    lines += _entry("why", [facts["why"]])
-    lines += _entry("source", [facts["source"]] * bool(facts["source"]))
-    lines += _entry("roles", ["; ".join(roles)])
-    lines += _entry("only if", [f"{facts['given']}, in the first frames"] * bool(facts["given"]))
-    lines += _entry("judged", [facts["scope"]])
-    lines += _entry("until", [f"{facts['until']}; a tie passes"] * bool(facts["until"]))
-    if "charges" in facts:
-        lines += _entry("charges", facts["charges"])
-        lines += _entry("budget", [facts["budget"] or "none, so there is no verdict"])
-    else:
-        for heading, texts in obligations(facts):
-            lines += _entry(heading, texts)
-    lines += _entry(
-        "severity",
-        [
-            f"{level}: also with {', '.join(f'{n} = {v}' for n, v in values.items())}"
-            for level, values in facts["severity"].items()
-        ],
-    )
-    lines += _entry("says", [facts["explain"]])
-    lines += _table("parameters", [_value_row(p["name"], p) for p in facts["parameters"]])
-    lines += _table(
-        "materials",
-        [_value_row(f"{m['column']} of {m['material']}", m) for m in facts["materials"]],
-    )
-    for kind in ("overrides", "states", "phases", "computed"):
-        lines += _table(kind, [[name, meaning] for name, meaning in facts[kind].items()])
+    given, until = facts["given"], facts["until"]
+    asked: list[tuple[str, list[str]]] = [*obligations(facts)] if "charges" not in facts else [
+        ("charges", facts["charges"]),
+        ("budget", [facts["budget"] or "none, so there is no verdict"]),
+    ]  # fmt: skip
+    levels = [
+        f"{level}: also with {', '.join(f'{n} = {v}' for n, v in values.items())}"
+        for level, values in facts["severity"].items()
+    ]
+    materials = [{**m, "name": f"{m['column']} of {m['material']}"} for m in facts["materials"]]
     measured = [[name, SIGNALS[name].meaning] for name in facts["signals"]]
     measured += [[name, RELATIONS[name].meaning] for name in facts["relations"]]
-    lines += _table("measures", measured)
-    lines += _entry("trace needs", [", ".join(facts["needs"])])
-    for kind, names in facts["examples"].items():
-        lines += _entry(kind, [", ".join(names)])
-    lines += _entry("declared in", [f"{facts['path']}:{facts['line']}"])
-    lines += _entry("digest", [facts["digest"]])
+    return _page(
+        f"{facts['code']}  {facts['title']}",
+        [
+            ("why", [facts["why"]]),
+            ("source", [facts["source"]]),
+            ("roles", ["; ".join(f"{name}: {text}" for name, text in facts["roles"].items())]),
+            ("only if", [f"{given}, in the first frames" if given else ""]),
+            ("judged", [facts["scope"]]),
+            ("until", [f"{until}; a tie passes" if until else ""]),
+            *asked,
+            ("severity", levels),
+            ("says", [facts["explain"]]),
+            *(
+                (kind, _columns([[m[c] for c in ("name", "value", "source", "comment")] for m in all_]))
+                for kind, all_ in (("parameters", facts["parameters"]), ("materials", materials))
+            ),
+            *(
+                (kind, _columns([*map(list, facts[kind].items())]))
+                for kind in ("overrides", "states", "phases", "computed")
+            ),
+            ("measures", _columns(measured)),
+            ("trace needs", [", ".join(facts["needs"])]),
+            *((kind, [", ".join(names)]) for kind, names in facts["examples"].items()),
+            ("declared in", [f"{facts['path']}:{facts['line']}"]),
+            ("digest", [facts["digest"]]),
+        ],
+    )  # fmt: skip
+
+
+def _page(title: str, entries: Iterable[tuple[str, Iterable[str]]]) -> str:
+    """A title, then each entry: its name once, a line per text; nothing of one without text."""
+    lines = [title]
+    for name, texts in entries:
+        for i, text in enumerate(filter(None, texts)):
+            lines.append(f"  {name if i == 0 else '':<{LEFT}}  {text}".rstrip())
     return "\n".join(lines) + "\n"
+
+
+def _columns(rows: list[list[str]]) -> list[str]:
+    return text_lines(Table("", (), rows, len(rows[0]))) if rows else []
 
 
 def vocabulary() -> list[dict[str, Any]]:
@@ -210,40 +224,40 @@ def _facts_of(spec: Signal | Relation) -> dict[str, Any]:
 def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
     """The vocabulary as a table; a single entry as a page of its own."""
     if len(entries) == 1:
-        (one,) = entries
-        lines = [" or ".join(one["calls"]), f"  {one['meaning']}"]
-        what = "true, false or unknown per frame"
-        if one["kind"] == "signal":
-            what = a_dimension(one["dimension"])
-        lines += _entry("is", [f"{one['kind']}: {what}"])
-        lines += _entry("needs", [", ".join(one["needs"])])
-        lines += _entry(
-            "since", ["may be taken since an event instead of since the start"] * one["since"]
-        )
-        lines += _entry("groups", ["robot and gripper may stand as arguments"] * one["groups"])
-        lines += _entry(
-            "options", [f"{name}: {meaning}" for name, meaning in one["options"].items()]
-        )
-        columns = [
-            f"{name} ({a_dimension(dimension)})" for name, dimension in one["columns"].items()
-        ]
-        lines += _entry("materials", columns)
-        example = '"<= 1"' if one["kind"] == "signal" else "true"
-        if one["units"]:
-            example = f'"<= 1 {one["units"][0]}"'
-        call = one["calls"][0]
-        if "box" in one["options"]:
-            lines += _entry("declared as", [f'[signal.in_cell] base = "{one["name"]}", box = …'])
-            call = call.replace(one["name"], "in_cell")
-        lines += _entry("in a rule", [f'"{call}" = {example}'])
-        return "\n".join(lines) + "\n"
-    rows = [
-        ["; ".join(e["calls"]), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
-        for e in entries
-    ]
-    head = ("name", "value", "needs", "meaning")
-    table = Table("", head, rows, len(head), texts=1)
+        return _word_page(entries[0])
+    columns = {
+        "name": lambda e: "; ".join(e["calls"]),
+        "value": lambda e: e["dimension"] or "true/false",
+        "needs": lambda e: ", ".join(e["needs"]),
+        "meaning": lambda e: e["meaning"],
+    }
+    table = table_of("", entries, columns, len(columns), texts=1)
     return "\n".join(text_lines(table, LINE_WIDTH.get())) + "\n"
+
+
+def _word_page(one: Mapping[str, Any]) -> str:
+    what = "true, false or unknown per frame"
+    example = "true"
+    if one["kind"] == "signal":
+        what = a_dimension(one["dimension"])
+        example = f'"<= 1 {one["units"][0]}"' if one["units"] else '"<= 1"'
+    call, declared = one["calls"][0], ""
+    if "box" in one["options"]:
+        declared = f'[signal.in_cell] base = "{one["name"]}", box = …'
+        call = call.replace(one["name"], "in_cell")
+    return _page(
+        " or ".join(one["calls"]) + f"\n  {one['meaning']}",
+        [
+            ("is", [f"{one['kind']}: {what}"]),
+            ("needs", [", ".join(one["needs"])]),
+            ("since", ["may be taken since an event instead of since the start"] * one["since"]),
+            ("groups", ["robot and gripper may stand as arguments"] * one["groups"]),
+            ("options", [f"{name}: {meaning}" for name, meaning in one["options"].items()]),
+            ("materials", [f"{name} ({a_dimension(d)})" for name, d in one["columns"].items()]),
+            ("declared as", [declared]),
+            ("in a rule", [f'"{call}" = {example}']),
+        ],
+    )
 
 
 def _scope(rule: ast.Scoped, params: ast.Params) -> str:
@@ -267,22 +281,6 @@ def _origin(source: Source | None) -> dict[str, str]:
     if source is None:
         return {"source": "", "comment": ""}
     return {"source": f"{source.path}:{source.line}", "comment": source.comment}
-
-
-def _value_row(name: str, facts: Mapping[str, Any]) -> list[str]:
-    return [name, facts["value"], facts["source"], facts["comment"]]
-
-
-def _entry(name: str, texts: list[str]) -> list[str]:
-    """``name`` once, one line per text; nothing for no text."""
-    shown = [text for text in texts if text]
-    return [
-        f"  {(name if i == 0 else ''):<{LEFT}}  {text}".rstrip() for i, text in enumerate(shown)
-    ]
-
-
-def _table(name: str, rows: list[list[str]]) -> list[str]:
-    return _entry(name, text_lines(Table("", (), rows, len(rows[0]))) if rows else [])
 
 
 def difference_text(comparison: Comparison) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,16 +18,12 @@ from safestage_eval.rules.syntax import amount
 from safestage_eval.version import __version__
 from safestage_eval.whatif.swept_values import factor_of, like, text_of, unit_name
 
+from .document import Document
 from .figure import ready, write
-from .render_csv import render_csv
-from .render_json import render_json
-from .render_text import render_text
 from .summary import share
 from .table import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from safestage_eval.whatif.sweep import Sweep
 
 
@@ -44,56 +41,49 @@ FEW = 30
 
 def render(sweep: Sweep, form: str, by: Sequence[str] = ()) -> str:
     """A sweep in one of the formats table, csv, json."""
-    return {"table": _table, "csv": _csv, "json": _json}[form](sweep, by)
+    table = Table(
+        "",
+        (*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive"),
+        [*_rows(sweep, by)],
+        len(by) + 1,
+    )
+
+    def facts() -> dict[str, Any]:
+        return {
+            "version": __version__,
+            "param": sweep.param,
+            "default": amount(sweep.default),
+            "rules": list(sweep.readers),
+            "curve": sweep.rows(by),
+            "flips": sweep.flips(),
+            "unread": sweep.unread,
+            "problems": [{"path": p.path, "message": p.message} for p in sweep.problems],
+        }
+
+    return Document([table], _notes(sweep), "", facts, lambda: sweep.rows(by)).render(form)
 
 
-def _table(sweep: Sweep, by: Sequence[str]) -> str:
-    """Values at which nothing changes are drawn together into one line."""
-    head = (*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive")
-    rows = []
+def _rows(sweep: Sweep, by: Sequence[str]) -> Iterator[list[str]]:
+    """A row for each stretch of values at which nothing changes."""
     for key, cells in sweep.curves(by).items():
-        shown = [[share(cell, metric) for metric in METRICS] for cell in cells]
-        facts = [[*r, str(c.inconclusive)] for r, c in zip(shown, cells, strict=True)]
-        first = 0
-        for i in range(1, len(facts) + 1):
-            if i == len(facts) or facts[i] != facts[first]:
-                ends = [text_of(sweep.values[first]), text_of(sweep.values[i - 1])]
-                rows.append([*key, " … ".join(dict.fromkeys(ends)), *facts[first]])
-                first = i
-    return render_text([Table("", head, rows, len(by) + 1)], _remarks(sweep))
+        rates = [
+            (*(share(cell, metric) for metric in METRICS), str(cell.inconclusive)) for cell in cells
+        ]
+        for same, stretch in groupby(zip(rates, sweep.values, strict=True), lambda one: one[0]):
+            values = [text_of(value) for _, value in stretch]
+            yield [*key, " … ".join(dict.fromkeys((values[0], values[-1]))), *same]
 
 
-def _remarks(sweep: Sweep) -> list[str]:
+def _notes(sweep: Sweep) -> list[str]:
     """Sentences on what was judged, and what was not."""
-    remarks = [
+    notes = [
         f"{sweep.param} is {text_of(sweep.default)} by default and read by "
         f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {count(sweep.count, 'episode')}."
     ]
     if sweep.unread:
-        remarks.append(
-            f"{count(sweep.unread, 'episode')} left out: no rule assigned to them reads it."
-        )
-    remarks += sweep.remarks
-    return remarks + [f"problem: {problem.message}" for problem in sweep.problems]
-
-
-def _csv(sweep: Sweep, by: Sequence[str]) -> str:
-    rows = sweep.rows(by)
-    return render_csv(list(rows[0]) if rows else [], rows)
-
-
-def _json(sweep: Sweep, by: Sequence[str]) -> str:
-    document: dict[str, Any] = {
-        "version": __version__,
-        "param": sweep.param,
-        "default": amount(sweep.default),
-        "rules": list(sweep.readers),
-        "curve": sweep.rows(by),
-        "flips": sweep.flips(),
-        "unread": sweep.unread,
-        "problems": [{"path": p.path, "message": p.message} for p in sweep.problems],
-    }
-    return render_json(document)
+        unread = count(sweep.unread, "episode")
+        notes.append(f"{unread} left out: no rule assigned to them reads it.")
+    return [*notes, *sweep.remarks, *(f"problem: {p.message}" for p in sweep.problems)]
 
 
 def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
@@ -180,13 +170,11 @@ SLACK_COLUMNS = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "l
 
 def render_slack(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
     """Slack per episode, rule and parameter (``whatif.flip_table.slack``) as table, csv, json."""
-    if form == "csv":
-        return render_csv(slack.columns, slack.iter_rows(named=True))
-    if form == "json":
-        return render_json(slack.to_dicts())
     undecided = int(slack["verdict"].null_count())
     notes = [f"Left open by the table: {count(undecided, 'verdict')}."] if undecided else []
-    return render_text([Table("", SLACK_COLUMNS, list(_slack_rows(slack, rules)), 5)], notes)
+    rows = [*_slack_rows(slack, rules)] if form == "table" else []
+    table = Table("", SLACK_COLUMNS, rows, 5)
+    return Document([table], notes, "", slack.to_dicts, slack.to_dicts).render(form)
 
 
 def _slack_rows(slack: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Table:
     """
 
     title: str
-    columns: tuple[str, ...]
+    columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     names: int
     texts: int = 0
@@ -38,15 +39,25 @@ class Table:
     def shown_rows(self) -> list[list[str]]:
         """The rows; if ``grouped``, without leading names (but the last) that repeat the row above."""
         rows: list[list[str]] = []
-        above: list[str] = []
-        for row in map(list, self.rows):
+        above: Sequence[str] = ()
+        for row in self.rows:
             repeats = 0
-            while (
-                self.grouped
-                and repeats < self.names - 1
-                and row[: repeats + 1] == above[: repeats + 1]
-            ):
+            while self.grouped and repeats < self.names - 1 and [*row[: repeats + 1]] == [*above[: repeats + 1]]:  # fmt: skip
                 repeats += 1
-            rows.append([""] * repeats + row[repeats:])
+            rows.append([""] * repeats + [*row[repeats:]])
             above = row
         return rows
+
+
+def table_of(
+    title: str,
+    items: Iterable[Any],
+    columns: Mapping[str, Callable[[Any], str]],
+    names: int,
+    *,
+    texts: int = 0,
+    grouped: bool = False,
+) -> Table:
+    """A row for each item; ``columns``: head → what its cell says of an item."""
+    rows = [[cell(item) for cell in columns.values()] for item in items]
+    return Table(title, (*columns,), rows, names, texts, grouped)

@@ -28,12 +28,13 @@ from safestage_eval.errors import RuleError
 
 from . import syntax as ast
 from .body_facts import BodyFacts, with_facts
+from .check import check_passed
 from .command_binding import CommandBinding, command_binding
-from .diagnostic import Diagnostic, RuleErrors
+from .diagnostic import RuleErrors
+from .entry import Reading
 from .files import RuleFile, builtin_folder, read_toml
 from .names import Names
-from .read_tables import Tables
-from .read_values import Place, Scope
+from .tables import Entry
 
 BIND = "bind"
 """The folder of those that come along, among the rules."""
@@ -151,38 +152,28 @@ def bind_tables(
     Raises:
         RuleErrors: with every problem at once.
     """
-    problems: list[Diagnostic] = []
-    reader = Tables(RuleFile(path, text, dict(tables), asked=True), Names.of_rules(rules), problems)
-
-    def named(kind: str, keys: str) -> dict[str, dict[str, Any]]:
-        """Name, id or pattern → what is said of it."""
-        given = tables.get(kind, {})
-        if isinstance(given, Mapping):
-            read = {name: Place((kind, name)) for name in given}
-            return {n: reader.table(keys, given[n], at, Scope("")) for n, at in read.items()}
-        reader.report("R203", Place((kind,)), f'"{kind}" must be a table', f"[{kind}.NAME]")
-        return {}
-
-    tasks, episodes, bodies = (
-        named("task", "bound"),
-        named("episode", "bound"),
-        named("body", "described"),
-    )
+    reading = Reading(Names.of_rules(rules))
+    page = Entry(reading, RuleFile(path, text, dict(tables), asked=True), (), tables)
+    said: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
     every = None
-    if EVERY in tables:
-        every = reader.table("bound", tables[EVERY], Place((EVERY,)), Scope(""))
-    for name in tables:
-        if name not in (*KINDS, EVERY):
-            reader.report(
-                "R201", Place((name,), key=True), f'a bind file has no table "{name}"',
-                "[every], [task.NAME], [episode.ID], [body.NAME]", near=(name, (*KINDS, EVERY)),
-            )  # fmt: skip
-    if problems:
-        raise RuleErrors(problems)
-    return BindFile(
-        path,
-        {name: ast.TaskDef(name, **bound) for name, bound in tasks.items()},
-        {name: ast.TaskDef(name, **bound) for name, bound in episodes.items()},
-        None if every is None else ast.TaskDef("", **every),
-        {name: BodyFacts(**said) for name, said in bodies.items()},
-    )
+    for kind, named in tables.items():
+        entry = page.inner(kind)
+        if kind == EVERY:
+            every = ast.TaskDef("", **entry.table("bound"))
+        elif kind not in KINDS:
+            known = (*KINDS, EVERY)
+            allowed = "[every], [task.NAME], [episode.ID], [body.NAME]"
+            what = f'a bind file has no table "{kind}"'
+            entry.key.report("R201", what, allowed, near=(kind, known))
+        elif not isinstance(named, Mapping):
+            entry.report("R203", f'"{kind}" must be a table', f"[{kind}.NAME]")
+        else:
+            for name in named:
+                told = entry.inner(name).table("described" if kind == "body" else "bound")
+                said[kind][name] = (
+                    BodyFacts(**told) if kind == "body" else ast.TaskDef(name, **told)
+                )
+    check_passed(reading)
+    if reading.problems:
+        raise RuleErrors(reading.problems)
+    return BindFile(path, said["task"], said["episode"], every, said["body"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -102,6 +102,11 @@ def on_demand_names() -> list[str]:
     return sorted({path.stem for path in builtin_folder().glob("*.toml")} - {*builtin_names()})
 
 
+def all_names() -> list[str]:
+    """Names of all rule files that come along."""
+    return [*builtin_names(), *on_demand_names(), *benchmark_names()]
+
+
 def find(spec: str | Path) -> list[Path]:
     """The files that a path, a folder or a built-in name stands for.
 
@@ -119,12 +124,11 @@ def find(spec: str | Path) -> list[Path]:
         return [builtin]
     if path.is_dir():
         raise RuleError(str(spec), "the folder has no rule files.", "files ending in .toml")
-    named = [*builtin_names(), *on_demand_names(), *benchmark_names()]
     raise RuleError(
         str(spec),
         "no such rule file.",
-        f"a file, a folder, or a built-in name: {', '.join(named)}",
-        did_you_mean(str(spec), named),
+        f"a file, a folder, or a built-in name: {', '.join(all_names())}",
+        did_you_mean(str(spec), all_names()),
     )
 
 
@@ -150,10 +154,52 @@ def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagno
         RuleError: a spec stands for no file, or a file cannot be opened.
     """
     named = list(dict.fromkeys(path.resolve() for spec in specs for path in find(spec)))
-    reader = _Reader(frozenset(named))
+    files: dict[Path, RuleFile] = {}
+    broken: dict[Path, list[Diagnostic]] = {}
+
+    def visit(path: Path, trail: tuple[Path, ...]) -> frozenset[str]:
+        """Read a file after those it extends; returns its path and theirs."""
+        if path not in files and path not in broken:
+            broken[path] = []
+            shown = _shown(path)
+            try:
+                file = RuleFile(shown, *read_toml(path, shown), path in named)
+            except RuleErrors as error:
+                broken[path] += error.diagnostics
+                return frozenset()
+            except OSError as error:
+                raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
+            bases: frozenset[str] = frozenset()
+            head = file.table.get("ruleset")
+            extends = head.get("extends") if isinstance(head, dict) else None
+            for index, name in enumerate(extends if isinstance(extends, list) else ()):
+                base = _base(path, str(name))
+                if base is not None and base not in (*trail, path):
+                    bases |= visit(base, (*trail, path))
+                    continue
+                what, allowed, fix = _no_base(path, str(name), base, trail)
+                keys = ("ruleset", "extends", index)
+                broken[path].append(file.diagnostic("R104", keys, what, allowed, fix, key=False))
+            files[path] = replace(file, extends=bases)
+        done = files.get(path)
+        return frozenset() if done is None else done.extends | {done.path}
+
     for path in named:
-        reader.visit(path, ())
-    return list(reader.files.values()), reader.problems
+        visit(path, ())
+    return list(files.values()), [problem for problems in broken.values() for problem in problems]
+
+
+def _no_base(
+    path: Path, name: str, base: Path | None, trail: tuple[Path, ...]
+) -> tuple[str, str, str]:
+    """Why a file cannot extend another, what would do, and the fix."""
+    if base is not None:
+        circle = " → ".join(one.name for one in (*trail, path, base))
+        return f"rule files extend each other in a circle: {circle}", "", ""
+    beside = sorted(one.name for one in path.parent.glob("*.toml"))
+    allowed = f"a file beside it, or a built-in name: {', '.join(builtin_names())}"
+    fix = did_you_mean(name, [*builtin_names(), *beside])
+    return f'it extends "{name}", which is not there', allowed, fix
 
 
 def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
@@ -165,68 +211,6 @@ def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
         for kind in ("rule", "cost")
         for entry in file.table.get(kind, ())
     )
-
-
-class _Reader:
-    def __init__(self, named: frozenset[Path]) -> None:
-        self._asked = named
-        self.files: dict[Path, RuleFile] = {}
-        self.problems: list[Diagnostic] = []
-        self._broken: set[Path] = set()
-
-    def visit(self, path: Path, trail: tuple[Path, ...]) -> frozenset[str]:
-        """Read a file after those it extends; returns its path and theirs."""
-        if path in self.files:
-            return self.files[path].extends | {self.files[path].path}
-        if path in self._broken:
-            return frozenset()
-        bare = self._read(path)
-        if bare is None:
-            self._broken.add(path)
-            return frozenset()
-        bases: set[str] = set()
-        head = bare.table.get("ruleset")
-        extends = head.get("extends") if isinstance(head, dict) else None
-        for index, name in enumerate(extends if isinstance(extends, list) else ()):
-            base = _base(path, str(name))
-            keys = ("ruleset", "extends", index)
-            if base is None:
-                self.problems.append(
-                    bare.diagnostic(
-                        "R104",
-                        keys,
-                        f'it extends "{name}", which is not there',
-                        f"a file beside it, or a built-in name: {', '.join(builtin_names())}",
-                        did_you_mean(str(name), [*builtin_names(), *_beside(path)]),
-                        key=False,
-                    )
-                )
-            elif base in (*trail, path):
-                circle = " → ".join(p.name for p in (*trail, path, base))
-                self.problems.append(
-                    bare.diagnostic(
-                        "R104",
-                        keys,
-                        f"rule files extend each other in a circle: {circle}",
-                        key=False,
-                    )
-                )
-            else:
-                bases |= self.visit(base, (*trail, path))
-        self.files[path] = RuleFile(
-            bare.path, bare.text, bare.table, path in self._asked, frozenset(bases)
-        )
-        return frozenset(bases | {bare.path})
-
-    def _read(self, path: Path) -> RuleFile | None:
-        shown = _shown(path)
-        try:
-            return RuleFile(shown, *read_toml(path, shown), path in self._asked)
-        except RuleErrors as error:
-            self.problems += error.diagnostics
-            return None
-        except OSError as error:
-            raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
 
 
 def read_toml(path: Path, shown: str) -> tuple[str, dict[str, Any]]:
@@ -291,13 +275,9 @@ def _base(path: Path, name: str) -> Path | None:
 
 def _builtin(name: str) -> Path | None:
     stem = name.removesuffix(".toml")
-    if stem in builtin_names() or stem in on_demand_names():
-        return builtin_folder() / f"{stem}.toml"
-    return builtin_folder() / BENCHMARKS / f"{stem}.toml" if stem in benchmark_names() else None
-
-
-def _beside(path: Path) -> list[str]:
-    return sorted(p.name for p in path.parent.glob("*.toml"))
+    if stem in benchmark_names():
+        return builtin_folder() / BENCHMARKS / f"{stem}.toml"
+    return builtin_folder() / f"{stem}.toml" if stem in all_names() else None
 
 
 def _shown(path: Path) -> str:

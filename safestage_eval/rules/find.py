@@ -10,9 +10,9 @@ from safestage_eval.errors import RuleError, did_you_mean
 
 from . import syntax as ast
 from .diagnostic import RuleErrors
-from .files import benchmark_names, builtin_names, find, on_demand_names
+from .files import all_names, builtin_names, find
 from .load import load_rules
-from .read_kinds import CODE
+from .tables import CODE
 from .uses import Source, sources
 
 Found = tuple[ast.RuleSet, ast.Scoped, dict[str, Source]]
@@ -39,7 +39,7 @@ def find_rules(wanted: Iterable[str], specs: Sequence[str | Path] = ()) -> list[
         except RuleError as error:
             if error.where != name or isinstance(error, RuleErrors):
                 raise
-            names = ", ".join([*builtin_names(), *on_demand_names(), *benchmark_names()])
+            names = ", ".join(all_names())
             near = did_you_mean(name.upper(), [code for code, *_ in list_rules(specs)])
             raise RuleError(
                 name,
@@ -92,4 +92,4 @@ def groups(specs: Sequence[str | Path], *, each: bool = False) -> list[list[str 
         for spec in specs:
             find(spec)
         return [[spec] for spec in specs] if each else [list(specs)]
-    return [[name] for name in (*builtin_names(), *on_demand_names(), *benchmark_names())]
+    return [[name] for name in all_names()]

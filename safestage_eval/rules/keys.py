@@ -8,10 +8,10 @@ from typing import Any, Literal
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
-    "call", "flag", "operands", "value", "budget", "per", "goal table", "base", "box", "axis", "side",
+    "call", "flag", "operands", "value", "budget", "per", "goal table", "base", "box", "length", "channel", "axis", "side",
     "codes", "sentence",
 ]  # fmt: skip
-"""The kinds of values; ``KINDS`` of ``read_kinds`` and the schema know each of them."""
+"""The kinds of values; ``KINDS`` of ``tables`` and the schema know each of them."""
 
 
 @dataclass(frozen=True)

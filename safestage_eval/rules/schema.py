@@ -21,9 +21,9 @@ from . import string_parser
 from .clauses import CLAUSES
 from .keys import Key
 from .operations import OPERATIONS, OperationSpec
-from .read_kinds import CODE, FORMAT, KINDS
 from .string_parser import NUMBER, pattern
 from .table_keys import IN_BIND, NAMED, REPEATED, TABLES
+from .tables import CODE, FORMAT, KINDS
 
 FILE = "rules.schema.json"
 
@@ -128,7 +128,7 @@ def _option(option: Option) -> dict[str, Any]:
 def _key(key: Key) -> dict[str, Any]:
     """What a key may hold: by its grammar, as a kind of its own, or by its type in TOML."""
     kind, names = key.kind, f"^{_NAME}$"
-    types, _, _, production = KINDS[kind]
+    types, production = KINDS[kind].types, KINDS[kind].grammar
     if production:
         one = _text(pattern(production))
         return _mapping(names, one) if types is dict else one

@@ -1,8 +1,8 @@
-"""The strings of the rule language: their grammar, and one parser from text to syntax tree.
+"""The strings of the rule language: their grammar, which reads them, and the nodes of the syntax tree that they are.
 
-``GRAMMAR`` is what the schema's patterns, the page of the language and the law that tests this parser are made
-from. The parser binds like this, the tightest first: a call, ``of``, ``before`` and ``after``, ``since``, ``while``.
-Each node that names something knows at which character of its string it does. Nothing is ever evaluated.
+``GRAMMAR`` is what strings are matched with; the schema's patterns and the page of the language are made from it.
+Each reader makes a node of the parts that its production matched, and of them those within. Each node that names
+something knows at which character of its string it does. Nothing is ever evaluated.
 """
 
 from __future__ import annotations
@@ -58,6 +58,27 @@ QUERY = rf"({NAME})\((?:{BODY}(?:, *{BODY})*)?\)"
 DEEPEST = 20
 """Spans that may lie within one another."""
 
+_EXPECTED = {
+    "CALL": ("a call", "name(role, …)"),
+    "EVENT": (
+        "an event",
+        "start, end, success, state(role, …), start of state(…), end of state(…)",
+    ),
+    "DURATION": ("a duration", '"0.5 s", "3 frames", "3 frames @ 120 Hz", or a parameter'),
+    "QUANTITY": ("a quantity", "a number with a unit: " + ", ".join(UNIT_DIMENSION)),
+    "LIMIT": ("a limit", '">= 2 cm": one of >= <= > <, then a value'),
+    "COUNT": ("a count", '"at least 2 role", "at most 1 role"'),
+    "SPAN": (
+        "a span",
+        "episode, a phase, state(…), first|last DUR of SPAN, DUR before|after EVENT, "
+        "from EVENT to EVENT, and any of them while state(…)",
+    ),
+    "ROLE": (
+        "what may play a role",
+        f"[every] {'|'.join(ROLE_KINDS)} [tagged TAG] [except role, …]",
+    ),
+}
+"""Production → what it is called, and what would do."""
 
 _remembered = lru_cache(4096)
 """Rules say the same again and again; nodes are never changed."""
@@ -84,6 +105,27 @@ def pattern(production: str) -> str:
         text = re.sub(r"(?<!\\)\(", "(?:", GRAMMAR[production])
         text = re.sub(r"\{(\w+)\}", lambda name: pattern(name[1]), text)
     return f"(?:{text})"
+
+
+@cache
+def _compiled(production: str) -> re.Pattern[str]:
+    """A production, with a group for each of its parentheses and braces, in their order."""
+    return re.compile(
+        re.sub(r"\{(\w+)\}", lambda name: f"({pattern(name[1])})", GRAMMAR[production])
+    )
+
+
+def _matched(production: str, text: str) -> re.Match[str]:
+    """The parts of a string. Raises GrammarError."""
+    match = _compiled(production).fullmatch(text)
+    if match is None:
+        raise _refused(production, text)
+    return match
+
+
+def _refused(production: str, text: str) -> GrammarError:
+    noun, allowed = _EXPECTED[production]
+    return GrammarError(f"{text!r} is not {noun}", allowed)
 
 
 # ---- numbers
@@ -115,22 +157,15 @@ def quantity(value: str | float) -> ast.Quantity:
     """``"8 cm"`` → 0.08 m. A bare number, or one in %, is a ratio. Raises GrammarError."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return ast.Quantity(_number(value), "ratio", str(value))
-    text = str(value)
-    match = re.fullmatch(rf"(-?{NUMBER})(?: ?({UNIT}))?", text)
-    if match is None:
-        raise GrammarError(
-            f"{value!r} is not a quantity", "a number with a unit: " + ", ".join(UNIT_DIMENSION)
-        )
-    dimension = UNIT_DIMENSION[match[2]] if match[2] else "ratio"
-    return ast.Quantity(_number(match[1], match[2] or ""), dimension, text)
+    _, _, unit = _matched("QUANTITY", str(value)).groups()
+    number = str(value).removesuffix(unit or "").rstrip()
+    return ast.Quantity(_number(number, unit or ""), UNIT_DIMENSION.get(unit, "ratio"), str(value))
 
 
 def setting(value: str | float) -> ast.Setting:
     """The value of a ``[param]``: a quantity, or a duration if it is a time or in frames."""
-    if isinstance(value, str) and value[:1].isdigit():
-        lasting = _Text(value).whole(_Text.duration)
-        if isinstance(lasting, ast.Duration):
-            return lasting
+    if isinstance(value, str) and value[:1].isdigit() and _compiled("DURATION").fullmatch(value):
+        return cast("ast.Duration", duration(value))
     number = quantity(value)
     if number.dimension != "time":
         return number
@@ -140,178 +175,79 @@ def setting(value: str | float) -> ast.Setting:
 
 
 @_remembered
-def limit(text: Any) -> ast.Limit:
+def limit(text: str) -> ast.Limit:
     """``">= 8 cm"``, ``"< zone_reach"``, ``"<= -drop"``, ``"<= max_tilt(target)"``."""
-    match = re.fullmatch(r"(>=|<=|>|<) ?(.+)", text) if isinstance(text, str) else None
+    match = re.match("(>=|<=|>|<) ?(?=.)", text)
     if match is None:
-        raise GrammarError(f"{text!r} is not a limit", '">= 2 cm": one of >= <= > <, then a value')
-    op = cast('Literal[">=", "<=", ">", "<"]', match[1])
-    return ast.Limit(op, value_of(match[2], match.start(2)), text)
+        raise _refused("LIMIT", text)
+    first = match.end()
+    return ast.Limit(cast(Any, match[1]), value_of(text[first:], first), text)
 
 
 def value_of(text: str, first: int = 0) -> ast.Value:
     """``"8 cm"``, ``"-drop"``, ``"max_tilt(target)"``; ``first`` is where it stands in its string."""
-    match = re.fullmatch(rf"(-?)({NAME})(?:\(({NAME})\))?", text)
+    match = _compiled("REFERENCE").fullmatch(text)
     if match is None:
         return quantity(text)
-    at = (first + match.start(2), first + match.start(3))
-    if match[3] is not None:
-        return ast.Column(match[2], match[3], bool(match[1]), at)
-    return ast.Parameter(match[2], bool(match[1]), at[:1])
+    name, _, role = match.groups()
+    at, negative = (first + match.start(1), first + match.start(3)), text.startswith("-")
+    if role is None:
+        return ast.Parameter(name, negative, at[:1])
+    return ast.Column(name, role, negative, at)
 
 
-def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
-    """``"at least 2 fruit"`` → ("least", 2, "fruit"); None if it is no count."""
-    match = re.fullmatch(rf"at (least|most) ([0-9]+) ({NAME})", text)
-    if match is None:
-        return None
-    return cast('Literal["least", "most"]', match[1]), int(_few(match[2])), match[3]
+def count(text: str) -> tuple[Literal["least", "most"], int, str]:
+    """``"at least 2 fruit"`` → ("least", 2, "fruit")."""
+    bound, number, role = _matched("COUNT", text).groups()
+    return cast(Any, bound), int(_few(number)), role
 
 
 def operand(value: str | float) -> ast.SignalAtom | ast.Quantity | ast.Parameter:
     """Parse an operand of a computed signal: ``"speed(a)"``, ``"2 cm"``, ``0.5``, ``"[-]param"``."""
     if isinstance(value, str) and "(" in value:
-        head = atom(value)
-        if not isinstance(head, ast.SignalAtom):
-            raise GrammarError(f"{value!r} is no operand", "a signal, a quantity, a parameter")
-        return head
+        return atom(value)
     found = value_of(value) if isinstance(value, str) else quantity(value)
-    assert not isinstance(found, ast.Column)
-    return found
+    return cast("ast.Quantity | ast.Parameter", found)
 
 
-# ---- calls, events, spans
-
-
-class _Text:
-    """A string that is being read: where it is up to."""
-
-    def __init__(self, text: str) -> None:
-        self.text, self.at = text, 0
-
-    def take(self, pattern: str) -> re.Match[str] | None:
-        """What comes next, if it is this."""
-        match = re.compile(pattern).match(self.text, self.at)
-        self.at = match.end() if match else self.at
-        return match
-
-    def whole(self, read: Any) -> Any:
-        """What is read, if that is all of the text; else None."""
-        node = read(self)
-        return node if self.at == len(self.text) else None
-
-    def call(self) -> ast.Call | None:
-        first = self.at
-        match = self.take(rf"({NAME})\(((?:{NAME}(?:, *{NAME})*)?)\)")
-        if match is None:
-            return None
-        args = [(one[0], match.start(2) + one.start()) for one in re.finditer(NAME, match[2])]
-        return ast.Call(match[1], tuple(n for n, _ in args), (first, *(p for _, p in args)))
-
-    def event(self) -> ast.Event | None:
-        first = self.at
-        if match := self.take(r"(start|end|success)(?![\w(]| of )"):
-            return ast.Event(cast('Literal["start", "end", "success"]', match[1]), text=match[1])
-        edge = self.take(r"(start|end) of ")
-        call = self.call()
-        if call is None:
-            return None
-        said = cast('Literal["start", "end"] | None', edge[1] if edge else None)
-        return ast.Event("state", call, said, self.text[first : self.at])
-
-    def duration(self) -> ast.Duration | ast.Parameter | None:
-        first = self.at
-        match = self.take(rf"({NUMBER}) ({'|'.join(TIME_UNITS)}|frames?)\b(?: @ ({NUMBER}) Hz)?")
-        if match is None:
-            name = self.take(NAME)
-            return None if name is None else ast.Parameter(name[0], at=(first,))
-        text = match[0]
-        if not match[2].startswith("frame"):
-            if match[3]:
-                raise GrammarError(f"{text!r}: a rate goes with frames only", '"3 frames @ 120 Hz"')
-            return ast.Duration(_few(match[1], match[2]), text=text)
-        number = _few(match[1])
-        if number != int(number):
-            raise GrammarError(f"{text!r}: frames are counted in whole numbers", '"3 frames"')
-        if not match[3]:
-            return ast.Duration(number, frames=True, text=text)
-        rate = _number(match[3])
-        if rate <= 0:
-            raise GrammarError(f"{text!r}: the rate must be positive", '"3 frames @ 120 Hz"')
-        return ast.Duration(_few(number / rate), least=2 if number > 1 else 1, text=text)
-
-    def span(self, depth: int = 0) -> ast.Span | None:
-        """A span; ``while`` binds least, and so is asked for by the outermost alone."""
-        node = self._operand(depth)
-        while node is not None and not depth and self.take(" while "):
-            call = self.call()
-            node = None if call is None else ast.While(node, call)
-        return node
-
-    def _operand(self, depth: int) -> ast.Span | None:
-        first = self.at
-        if part := self.take(r"(first|last) (?=[a-z0-9])"):
-            lasting = self.duration()
-            of = self.span(depth + 1) if lasting is not None and self.take(" of ") else None
-            which = cast('Literal["first", "last"]', part[1])
-            return None if of is None or lasting is None else ast.Part(which, lasting, of)
-        if self.take("from "):
-            begin = self.event()
-            stop = self.event() if begin is not None and self.take(" to ") else None
-            return None if begin is None or stop is None else ast.FromTo(begin, stop)
-        if call := self.call():
-            return ast.StateSpan(
-                call
-            )  # phases with roles are told from states when names are known
-        lasting = self.duration()
-        if around := self.take(r" (before|after) "):
-            event, side = self.event(), cast('Literal["before", "after"]', around[1])
-            return None if event is None or lasting is None else ast.Around(side, lasting, event)
-        if not isinstance(lasting, ast.Parameter):
-            return None
-        if lasting.name == "episode":
-            return ast.Whole()
-        return ast.PhaseSpan(ast.Call(lasting.name, (), (first,)))
-
-    def atom(self) -> ast.SignalAtom | None:
-        """The left side of an entry; without its limits, or what it shall be."""
-        call = self.call()
-        if call is None or not self.take(" since "):
-            return None if call is None else ast.SignalAtom(call, ())
-        event = self.event()
-        return None if event is None else ast.SignalAtom(call, (), event)
+# ---- time
 
 
 @_remembered
-def duration(text: str) -> ast.Duration | ast.Parameter:
+def duration(text: str, first: int = 0) -> ast.Duration | ast.Parameter:
     """``"0.5 s"``, ``"3 frames"``, ``"3 frames @ 120 Hz"`` or the name of a parameter."""
-    node: ast.Duration | ast.Parameter | None = _Text(text).whole(_Text.duration)
-    if node is None:
-        raise GrammarError(
-            f"{text!r} is not a duration",
-            '"0.5 s", "3 frames", "3 frames @ 120 Hz", or a parameter',
-        )
-    return node
-
-
-def call(text: str) -> ast.Call:
-    """``"clearance(target, protected)"``. Raises GrammarError."""
-    node: ast.Call | None = _Text(text).whole(_Text.call)
-    if node is None:
-        raise GrammarError(f"{text!r} is not a call", "name(role, …)")
-    return node
+    number, unit, frames, _, rate, name = _matched("DURATION", text).groups()
+    if name:
+        return ast.Parameter(name, at=(first,))
+    if unit:
+        return ast.Duration(_few(number, unit), text=text)
+    if not rate:
+        return ast.Duration(_few(frames), frames=True, text=text)
+    if _number(rate) <= 0:
+        raise GrammarError(f"{text!r}: the rate must be positive", '"3 frames @ 120 Hz"')
+    seconds = _few(_few(frames) / _number(rate))
+    return ast.Duration(seconds, least=2 if _few(frames) > 1 else 1, text=text)
 
 
 @_remembered
-def event(text: str) -> ast.Event:
+def call(text: str, first: int = 0) -> ast.Call:
+    """``"clearance(target, protected)"``. Raises GrammarError."""
+    match = _matched("CALL", text)
+    args = [
+        (one[0], first + match.start(2) + one.start()) for one in re.finditer(NAME, match[2] or "")
+    ]
+    return ast.Call(match[1], tuple(name for name, _ in args), (first, *(at for _, at in args)))
+
+
+@_remembered
+def event(text: str, first: int = 0) -> ast.Event:
     """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
-    node: ast.Event | None = _Text(text).whole(_Text.event)
-    if node is None:
-        raise GrammarError(
-            f"{text!r} is not an event",
-            "start, end, success, state(role, …), start of state(…), end of state(…)",
-        )
-    return node
+    match = _matched("EVENT", text)
+    edge, state = match.groups()
+    if state is None:
+        return ast.Event(cast(Any, text), text=text)
+    edge = cast(Any, edge and edge.removesuffix(" of "))
+    return ast.Event("state", call(state, first + match.start(2)), edge, text)
 
 
 @_remembered
@@ -322,22 +258,36 @@ def span(text: str) -> ast.Span:
             f"parts of parts of a span, more than {DEEPEST} deep",
             "a phase declared under [phase.NAME] and named here",
         )
-    node: ast.Span | None = _Text(text).whole(_Text.span)
-    if node is None:
-        raise GrammarError(
-            f"{text!r} is not a span",
-            "episode, a phase, state(…), first|last DUR of SPAN, DUR before|after EVENT, "
-            "from EVENT to EVENT, and any of them while state(…)",
-        )
+    match = _matched("SPAN", text)
+    node, (first, last) = _innermost(match), match.span(4)
+    parts = re.finditer(f"(first|last) ({pattern('DURATION')}) of ", text[:first])
+    for part in reversed(list(parts)):
+        node = ast.Part(cast(Any, part[1]), duration(part[2], part.start(2)), node)
+    for state in re.finditer(f" while ({pattern('CALL')})", text[last:]):
+        node = ast.While(node, call(state[1], last + state.start(1)))
     return node
+
+
+def _innermost(match: re.Match[str]) -> ast.Span:
+    """What the parts of a span are parts of; phases with roles are told from states when names are known."""
+    *_, name, state, lasting, side, event_, begin, stop, _, _ = match.groups()
+    at = match.start
+    if side:
+        return ast.Around(cast(Any, side), duration(lasting, at(7)), event(event_, at(9)))
+    if begin:
+        return ast.FromTo(event(begin, at(10)), event(stop, at(11)))
+    if state:
+        return ast.StateSpan(call(state, at(6)))
+    return ast.PhaseSpan(ast.Call(name, (), (at(5),))) if name else ast.Whole()
 
 
 @_remembered
 def atom(text: str) -> ast.SignalAtom:
     """The left side of an entry: ``"displacement(cup) since success"``. Raises GrammarError."""
-    node: ast.SignalAtom | None = _Text(text).whole(_Text.atom)
-    if node is not None:
-        return node
+    match = _compiled("ATOM").fullmatch(text)
+    if match is not None:
+        since = event(match[3], match.start(3)) if match[3] else None
+        return ast.SignalAtom(call(match[1]), (), since)
     for gone, instead in GONE_ATOMS.items():
         if re.search(gone, text):
             raise GrammarError(f"{text!r} is not in the language any more", instead)
@@ -377,14 +327,13 @@ def _bare(name: str) -> str:
 
 def role(text: str) -> ast.RoleSpec:
     """``"object"``, ``"every object tagged fragile except target"``. Raises GrammarError."""
-    match = re.fullmatch(
-        rf"(every )?({'|'.join(ROLE_KINDS)})(?: tagged ({NAME}))?(?: except ({NAME}(?:, *{NAME})*))?",
-        text,
-    )
-    if match is None:
-        allowed = f"[every] {'|'.join(ROLE_KINDS)} [tagged TAG] [except role, …]"
-        if re.search(r" (un)?named\b", text):
-            allowed += "; instead of named and unnamed: except role, … or a tag from a bind file's [body.NAME]"
-        raise GrammarError(f"{text!r} does not say what may play a role", allowed)
-    excluding = tuple(name.strip() for name in match[4].split(",")) if match[4] else ()
-    return ast.RoleSpec(match[2], bool(match[1]), match[3], excluding, text)
+    if re.search(r" (un)?named\b", text):
+        allowed = (
+            "instead of named and unnamed: except role, … or a tag from a bind file's [body.NAME]"
+        )
+        raise GrammarError(
+            f"{text!r} is not what may play a role", f"{_EXPECTED['ROLE'][1]}; {allowed}"
+        )
+    every, kind, _, tag, others, *_ = _matched("ROLE", text).groups()
+    excluding = re.findall(NAME, others.removeprefix(" except ")) if others else ()
+    return ast.RoleSpec(kind, bool(every), tag, tuple(excluding), text)

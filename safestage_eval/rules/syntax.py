@@ -309,7 +309,9 @@ class PhaseDef:
     """``[phase.NAME]``: a span with formal arguments, and what stands in for it when it is empty."""
 
     name: str
-    of: tuple[str, ...] = key("names", "Its formal arguments, if it has any.")
+    of: tuple[str, ...] = key(
+        "names", "Its formal arguments, if it has any.", default=(), kw_only=True
+    )
     span: Span = key("span", "The frames that belong to it.", required=True)
     fallback: Span | None = key("span", "Used instead where the span is empty.", default=None)
 
@@ -319,7 +321,7 @@ class GoalDef:
     """``[goal.NAME]``: native success as a condition."""
 
     name: str
-    roles: Roles = key("roles", _ROLES)
+    roles: Roles = key("roles", _ROLES, default=(), kw_only=True)
     require: Condition = key("condition", "Reached when all of this holds.", required=True)
     for_: Lasting | None = key("duration", _LASTING, default=None)
 
@@ -344,7 +346,7 @@ class _Judged:
         "code", "Three letters and three digits; the letters name the stage.", required=True
     )
     title: str = key("text", "The requirement as an instruction, in one line.", required=True)
-    roles: Roles = key("roles", _ROLES)
+    roles: Roles = key("roles", _ROLES, default=())
     given: Condition | None = key(
         "condition", "The rule applies only if this holds in the first frames.", default=None
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from safestage_eval.units import format_quantity
 
 from . import syntax as ast
@@ -37,12 +39,16 @@ def event(node: ast.Event) -> str:
     return f"the {node.edge} of {node.call}" if node.edge else str(node.call)
 
 
+def measured(node: ast.SignalAtom) -> str:
+    """``displacement(cup) since success``: a signal without its limits."""
+    return f"{node.call} since {event(node.since)}" if node.since is not None else str(node.call)
+
+
 def atom(node: ast.Atom, params: ast.Params) -> str:
     """One entry of a condition."""
     if isinstance(node, ast.SignalAtom):
-        since = f" since {event(node.since)}" if node.since is not None else ""
         limits = " and ".join(limit(item, params) for item in node.limits)
-        return f"{node.call}{since} {limits}"
+        return f"{measured(node)} {limits}"
     if isinstance(node, ast.StateAtom):
         return str(node.call) if node.want else f"not {node.call}"
     if isinstance(node, ast.CountAtom):
@@ -112,7 +118,7 @@ def state(node: ast.StateDef, params: ast.Params) -> str:
 def derived(node: ast.DerivedDef, params: ast.Params) -> str:
     """``difference of displacement(a) and 2 cm``."""
     said = [
-        f"{one.call}{'' if one.since is None else f' since {event(one.since)}'}"
+        measured(one)
         if isinstance(one, ast.SignalAtom)
         else str(one.call)
         if isinstance(one, ast.StateAtom)
@@ -143,6 +149,34 @@ def charge(node: ast.Charge, params: ast.Params) -> str:
     if node.below is not None:
         return f"{said} for each SI unit that {node.of} falls short of {_bound(node.below, params)}"
     return f"{said} for each SI unit of {node.of}{above}"
+
+
+def anything(node: Any, params: ast.Params) -> str:
+    """Whatever a rule or definition is made of."""
+    match node:
+        case ast.Quantity() | ast.Duration():
+            return value(node)
+        case ast.Parameter():
+            return duration(node, params)
+        case ast.Condition() | ast.Event():
+            return alternative(node, params)
+        case ast.SignalAtom() | ast.StateAtom() | ast.CountAtom() | ast.AnyOf():
+            return atom(node, params)
+        case ast.StateDef():
+            return state(node, params)
+        case ast.PhaseDef():
+            return phase(node, params)
+        case ast.DerivedDef():
+            return derived(node, params)
+        case ast.SignalDef():
+            return node.base
+        case ast.Cost():
+            return "; ".join(charge(one, params) for one in node.charge)
+        case ast.Rule():
+            return "a rule"
+        case tuple():  # roles
+            return "; ".join(f"{name}: {role(spec)}" for name, spec in node)
+    return span(node, params)
 
 
 def _bound(bound: ast.Value, params: ast.Params) -> str:

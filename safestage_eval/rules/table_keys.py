@@ -10,7 +10,7 @@ from .keys import Key, Kind, keys_of
 from .operations import OPERATIONS
 
 _KIND_OF_OPTION: dict[str, Kind] = {
-    "time": "duration", "length": "text", "channel": "text", "unit": "text", "box": "box",
+    "time": "duration", "length": "length", "channel": "channel", "unit": "text", "box": "box",
     "choice": "text",
 }  # fmt: skip
 
@@ -53,6 +53,13 @@ TABLES: dict[str, dict[str, Key]] = {
 }
 """Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``IN_BIND`` are tables
 of a bind file."""
+
+APART = {
+    "rule": (("at", "during"), ("at", "until")),
+    "cost": (("at", "during"), ("at", "until")),
+    "charge": (("when", "of"), ("when", "above"), ("when", "below"), ("above", "below")),
+}
+"""Table → pairs of keys that do not go together."""
 
 GONE = {
     "family": "a bind file: rules and set under [task.NAME] of each of its tasks, or under [every]",

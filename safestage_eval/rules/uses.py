@@ -12,7 +12,7 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
-from .coherence_checks import definitions
+from .check import definitions
 from .digest import reached
 from .files import RuleFile, read_files
 

@@ -12,8 +12,8 @@ from safestage_eval.size_limits import current
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
 
-from .result_parts import Line
 from .settings import Settings
+from .worker import Line
 from .worker import opened as scoring
 
 Numbered = tuple[int, EpisodeRef]

@@ -1,21 +1,18 @@
-"""Judge the episodes of a short run, in this process or in several; results stay in memory."""
+"""Judge episodes in this process or in several; results stay in memory."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval._process.children import WORTH_A_POOL
-from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.formats.episode_filter import Selection
+from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match
-from .gates import Gates
 from .score_episode import score_episode
-from .scores import Scores, deduplicate, titles
 from .settings import Settings, load_settings
 
 if TYPE_CHECKING:
@@ -59,48 +56,6 @@ def score_many(
             if progress is not None:
                 progress(len(results), len(refs))
     return results
-
-
-def score_paths(
-    traces: Iterable[str | Path],
-    rules: Sequence[str | Path] = (),
-    *,
-    where: Mapping[str, str] | None = None,
-    jobs: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    **asked: Any,
-) -> Scores:
-    """Find, open and judge episodes; all results are held in memory (``score_traces`` holds none).
-
-    Args:
-        traces: files and folders.
-        rules: paths, folders or built-in names of rule files; all built-in ones if empty.
-        where: header field → value; only episodes that match are judged.
-        jobs: worker processes; see ``score_many``.
-        progress: called with (done, total) after each episode.
-        asked: the other arguments of ``load_settings``.
-
-    Raises:
-        TraceError: nothing was found.
-        InputError: nothing matches ``where``.
-        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
-    """
-    from safestage_eval.rules import builtin_names
-
-    specs = list(rules) or builtin_names()
-    settings = load_settings(specs, **asked)
-    chosen = Selection(discover(list(traces)), where)
-    judged = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
-    results, problems, copies = deduplicate(judged)
-    aborted = tuple(chosen.aborted)
-    return Scores(
-        tuple(results),
-        tuple(problems),
-        titles(settings.rule_set),
-        tuple(copies),
-        aborted,
-        gates=Gates.of(specs),
-    )
 
 
 def _in_processes(

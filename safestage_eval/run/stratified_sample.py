@@ -26,9 +26,8 @@ def sample(refs: Iterable[EpisodeRef], count: int, seed: int = 0) -> Sample:
     """``count`` episodes: of each stage, in it of each policy, in that of each task, in proportion.
 
     The same ones whenever seed, count and episodes are the same, in whatever order these come:
-    within a group those are taken whose ids have the least digests. Shares are rounded by largest
-    remainder, and where remainders are equal, as they are of few episodes out of many groups, the
-    seed decides. Files that cannot be read are a group of their own.
+    within a group those are taken whose ids have the least digests. Which groups get what is left of
+    rounding, the seed decides. Files that cannot be read are a group of their own.
     """
     kept: dict[Group, list[tuple[int, int, EpisodeRef]]] = {}
     sizes: dict[Group, int] = {}
@@ -60,25 +59,18 @@ def sample(refs: Iterable[EpisodeRef], count: int, seed: int = 0) -> Sample:
     return Sample([ref for _, ref in chosen], note)
 
 
-def _shares(sizes: Mapping[Group, int], count: int, seed: int, level: int = 0) -> dict[Group, int]:
-    """How many of each group; they add up to ``count``, for each first ``level`` names that agree."""
-    if len(sizes) == 1:
-        return dict.fromkeys(sizes, count)
-    parts: dict[Group, dict[Group, int]] = {}
-    for group, size in sizes.items():
-        parts.setdefault(group[: level + 1], {})[group] = size
-    totals = {name: sum(part.values()) for name, part in parts.items()}
-    total = sum(totals.values())
-    shares = {name: size * count // total for name, size in totals.items()}
-    by_rest = sorted(
-        totals, key=lambda name: (-(totals[name] * count % total), _digest(f"{seed} {name}"))
-    )
-    for name in by_rest[: count - sum(shares.values())]:
-        shares[name] += 1
-    counts: dict[Group, int] = {}
-    for name, part in parts.items():
-        counts |= _shares(part, shares[name], seed, level + 1)
-    return counts
+def _shares(sizes: Mapping[Group, int], count: int, seed: int) -> dict[Group, int]:
+    """How many of each group: every so many-th episode of all, the groups one after the other.
+
+    So they are in proportion for all groups together whose first names agree, too.
+    """
+    total, end = sum(sizes.values()), 0
+    first = _digest(str(seed)) % max(total, 1)
+    shares = {}
+    for group in sorted(sizes):
+        begin, end = end, end + sizes[group]
+        shares[group] = (end * count + first) // total - (begin * count + first) // total
+    return shares
 
 
 def _digest(text: str) -> int:

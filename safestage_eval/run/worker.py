@@ -5,19 +5,26 @@ from __future__ import annotations
 import gc
 import json
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from safestage_eval._process import heap
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
 
-from .result_parts import Line
 from .score_episode import score_episode
 from .settings import Settings
 
 GARBAGE = 20_000
 """Objects between two looks for garbage. At Python's 700, looking took a twentieth of an audit."""
+
+
+class Line(NamedTuple):
+    """A result as it is stored, and by what it is known again."""
+
+    text: bytes
+    episode_id: str
+    trace_hash: str
 
 
 def opened(

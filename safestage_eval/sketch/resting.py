@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.geometry.polygon import clip, convex_hull, outward
+from safestage_eval.geometry.pose import inverse_transform, matrix, rotate
 
 from .paths import GRAVITY
 from .solids import Pose, Solid, level_at
 
 F64 = NDArray[np.float64]
+T = TypeVar("T")
 
 GAP = 1e-3
 """m. A face this close to a body's bottom carries it."""
@@ -39,24 +41,22 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A body at the present frame.
-
-    Attributes:
-        solid: the body.
-        key: its pose as bytes, to tell whether it has moved.
-        pose: body frame to world.
-        centre: (3,) m, world, of mass.
-        bottom: (N, 3) m, world, its lowest points; none of what stands on nothing.
-        around: (3,) m, world, the middle of a ball around it.
-    """
+class Placed:
+    """A body at the present frame: ``pose`` is body frame to world, ``key`` tells whether it has moved."""
 
     solid: Solid
-    key: bytes
     pose: Pose
-    centre: F64
-    bottom: F64
-    around: F64
+    key: bytes
+
+    @cached_property
+    def stands(self) -> bool:
+        """Whether it is one that stands on others."""
+        return self.solid.body.movable and self.solid.body.kind == "object"
+
+    @cached_property
+    def bottom(self) -> F64:
+        """(N, 3) m, world, its lowest points; none of what stands on nothing."""
+        return self.solid.bottom(self.pose) if self.stands else np.empty((0, 3))
 
     @cached_property
     def base(self) -> F64:
@@ -70,14 +70,36 @@ class View:
             return []
         return self.solid.faces(self.pose)
 
-    def far_from(self, other: View) -> bool:
+    @cached_property
+    def around(self) -> F64:
+        """(3,) m, world, the middle of a ball around it."""
+        return self.of(self.solid.shape.centre)
+
+    def of(self, point: Sequence[float] | F64) -> F64:
+        """(3,) m, world: a point of the body."""
+        return np.asarray(self.pose[0] + rotate(self.pose[1], np.array(point)))
+
+    def far_from(self, other: Placed) -> bool:
         """Whether no point of the two can be closer than ``GAP``."""
         reach = self.solid.shape.radius + other.solid.shape.radius + GAP
         return bool(((self.around - other.around) ** 2).sum() > reach**2)
 
+    def part_at(self, point: F64) -> int:
+        """Index of the geom whose box reaches closest to a world point."""
+        geoms = self.solid.body.geoms
+        if len(geoms) == 1:
+            return 0
+        local = inverse_transform(*self.pose, point)
+        away = local - np.array([geom.position for geom in geoms])
+        away = np.einsum("gji,gj->gi", matrix([geom.orientation for geom in geoms]), away)
+        outside = np.maximum(np.abs(away) - self.solid.shape.solids.half, 0)
+        return int((outside**2).sum(1).argmin())
+
 
 _Point = tuple[str, int, F64, F64]
 """By whom, by which part of it, where (3,) m, and the normal (3,) of its face."""
+
+_Answer = tuple[list[Row], dict[str, float]]
 
 
 class Resting:
@@ -89,14 +111,16 @@ class Resting:
     def __init__(self, solids: Mapping[str, Solid]) -> None:
         """``solids``: all bodies."""
         self._solids = solids
-        self._stands = {n for n, s in solids.items() if s.body.movable and s.body.kind == "object"}
-        self._views: dict[str, View] = {}
-        self._met: dict[tuple[str, str], tuple[bytes, bytes, list[_Point]]] = {}
-        self._forces: dict[str, tuple[bytes, F64]] = {}
+        self._found: dict[tuple[str, ...], tuple[bytes, Any]] = {}
 
-    def at(
-        self, poses: Mapping[str, Pose], pushes: Sequence[Row]
-    ) -> tuple[list[Row], dict[str, float]]:
+    def _as_before(self, what: tuple[str, ...], key: bytes, find: Callable[[], T]) -> T:
+        """What was found the last time, if the key is the same."""
+        if what not in self._found or self._found[what][0] != key:
+            self._found[what] = key, find()
+        found: T = self._found[what][1]
+        return found
+
+    def at(self, poses: Mapping[str, Pose], pushes: Sequence[Row]) -> _Answer:
         """The contacts at one frame, from the top down.
 
         A body's weight, what stands on it and the vertical parts of ``pushes`` on it are shared by
@@ -105,81 +129,76 @@ class Resting:
         Returns:
             the contacts, and the load (N) of each body that nothing stands under.
         """
+        vectors = [part for pose in poses.values() for part in pose]
+        vectors += [part for push in pushes for part in (push.point, push.force)]
+        key = (np.concatenate(vectors).round(7) + 0.0).tobytes()
+        return self._as_before((), key, lambda: self._at(poses, pushes))
+
+    def _at(self, poses: Mapping[str, Pose], pushes: Sequence[Row]) -> _Answer:
         loads: dict[str, list[tuple[float, float, float]]] = {name: [] for name in self._solids}
         for push in pushes:
             for name, sign in ((push.on, 1.0), (push.by, -1.0)):
                 if name in loads:
                     loads[name].append((push.point[0], push.point[1], -sign * push.force[2]))
-        views = {name: self._view(name, poses[name]) for name in self._solids}
-        standing = [name for name in self._solids if name in self._stands]
+        placed = {name: self._placed(name, pose) for name, pose in poses.items()}
+        standing = [name for name, body in placed.items() if body.stands]
         rows: list[Row] = []
         hanging = {}
-        for name in sorted(standing, key=lambda n: -views[n].bottom[:, 2].min()):
-            weight = (self._solids[name].body.mass or 0.0) * GRAVITY
-            com = views[name].centre
+        for name in sorted(standing, key=lambda n: -placed[n].bottom[:, 2].min()):
+            body = placed[name]
+            com, weight = body.of(body.solid.body.com), (body.solid.body.mass or 0.0) * GRAVITY
             load = np.array([(com[0], com[1], weight), *loads[name]])
-            points = [p for other in views if other != name for p in self._meeting(name, other)]
-            total = float(load[:, 2].sum())
+            points = [
+                point
+                for other in placed
+                if other != name
+                for point in self._as_before(
+                    (name, other),
+                    body.key + placed[other].key,
+                    partial(_meeting, body, other, placed[other]),
+                )
+            ]
             if not points:
-                hanging[name] = total
-                continue
-            if total <= 0:
-                continue
-            for (by, part, point, normal), force in zip(
-                points, self._shared(name, points, load), strict=True
-            ):
-                lowest = _part_at(self._solids[name], poses[name], point)
-                rows.append(Row(by, name, point, normal, np.array([0, 0, force]), part, lowest))
-                loads[by].append((point[0], point[1], force))
+                hanging[name] = float(load[:, 2].sum())
+            elif load[:, 2].sum() > 0:
+                place = np.array([point[2][:2] for point in points])
+                key = place.tobytes() + load.tobytes()
+                forces = self._as_before((name,), key, partial(_shared, place, load))
+                for (by, part, point, normal), force in zip(points, forces, strict=True):
+                    up = np.array([0, 0, force])
+                    rows.append(Row(by, name, point, normal, up, part, body.part_at(point)))
+                    loads[by].append((point[0], point[1], force))
         return rows, hanging
 
-    def _view(self, name: str, pose: Pose) -> View:
+    def _placed(self, name: str, pose: Pose) -> Placed:
         key = pose[0].tobytes() + pose[1].tobytes()
-        if name in self._views and self._views[name].key == key:
-            return self._views[name]
-        solid = self._solids[name]
-        bottom = solid.bottom(pose) if name in self._stands else np.empty((0, 3))
-        com, middle = (pose[0] + _turned(pose, v) for v in (solid.body.com, solid.shape.centre))
-        self._views[name] = View(solid, key, pose, com, bottom, middle)
-        return self._views[name]
+        return self._as_before(("", name), key, lambda: Placed(self._solids[name], pose, key))
 
-    def _meeting(self, name: str, other: str) -> list[_Point]:
-        """Places where a body's bottom lies on faces of another."""
-        a, b = self._views[name], self._views[other]
-        met = self._met.get((name, other))
-        if met is None or met[:2] != (a.key, b.key):
-            met = a.key, b.key, [] if a.far_from(b) else self._found(a, other)
-            self._met[name, other] = met
-        return met[2]
 
-    def _found(self, a: View, other: str) -> list[_Point]:
-        middle, level = a.bottom[:, :2].mean(0), float(a.bottom[:, 2].min())
-        pose = self._views[other].pose
-        result: list[_Point] = []
-        for face in self._views[other].faces:
-            normal, corners = face
-            if abs(level_at(face, middle) - level) > GAP:
-                continue
-            for point in _corners(_clipped(a.base, convex_hull(corners[:, :2]))):
-                place = np.array([*point, level_at(face, point)])
-                result.append((other, _part_at(self._solids[other], pose, place), place, normal))
+def _meeting(body: Placed, name: str, other: Placed) -> list[_Point]:
+    """Places where a body's bottom lies on faces of another, which has this name."""
+    result: list[_Point] = []
+    if body.far_from(other):
         return result
+    middle, level = body.bottom[:, :2].mean(0), float(body.bottom[:, 2].min())
+    for face in other.faces:
+        normal, corners = face
+        if abs(level_at(face, middle) - level) <= GAP:
+            for point in _corners(_clipped(body.base, convex_hull(corners[:, :2]))):
+                place = np.array([*point, level_at(face, point)])
+                result.append((name, other.part_at(place), place, normal))
+    return result
 
-    def _shared(self, name: str, points: Sequence[_Point], load: F64) -> F64:
-        """(P,) N, upward: least squares over force and torque, none pulling, as even as can be."""
-        from scipy.optimize import nnls
 
-        place = np.array([point[2][:2] for point in points])
-        key = place.tobytes() + load.tobytes()
-        if name in self._forces and self._forces[name][0] == key:
-            return self._forces[name][1]
-        total = load[:, 2].sum()
-        centre = (load[:, :2] * load[:, 2:]).sum(0) / total
-        arm = (place - centre) / LEVER
-        matrix = np.concatenate([np.ones((1, len(points))), arm.T, EVEN * np.eye(len(points))])
-        forces = nnls(matrix, np.array([total, 0, 0] + [0.0] * len(points)))[0]
-        self._forces[name] = key, np.asarray(forces * (total / forces.sum()))
-        return self._forces[name][1]
+def _shared(place: F64, load: F64) -> F64:
+    """(P,) N, upward: least squares over force and torque, none pulling, as even as can be."""
+    from scipy.optimize import nnls
+
+    total = load[:, 2].sum()
+    arm = (place - (load[:, :2] * load[:, 2:]).sum(0) / total) / LEVER
+    balance = np.concatenate([np.ones((1, len(place))), arm.T, EVEN * np.eye(len(place))])
+    forces = nnls(balance, np.array([total, 0, 0] + [0.0] * len(place)))[0]
+    return np.asarray(forces * (total / forces.sum()))
 
 
 def _clipped(subject: F64, window: F64) -> F64:
@@ -197,22 +216,3 @@ def _corners(polygon: F64) -> F64:
     angles = np.pi / 4 * np.arange(8)
     ways = np.stack([np.cos(angles), np.sin(angles)])
     return np.asarray(polygon[np.unique((polygon @ ways).argmax(0))])
-
-
-def _part_at(solid: Solid, pose: Pose, point: F64) -> int:
-    """Index of the body's geom whose box reaches closest to a world point."""
-    if len(solid.body.geoms) == 1:
-        return 0
-    from safestage_eval.geometry.pose import inverse_transform, matrix
-
-    local = inverse_transform(pose[0], pose[1], point)
-    solids = solid.shape.solids
-    at = np.array([g.position for g in solid.body.geoms])
-    away = np.einsum("gji,gj->gi", matrix([g.orientation for g in solid.body.geoms]), local - at)
-    return int((np.maximum(np.abs(away) - solids.half, 0) ** 2).sum(1).argmin())
-
-
-def _turned(pose: Pose, vector: Sequence[float] | F64) -> F64:
-    from safestage_eval.geometry.pose import rotate
-
-    return rotate(pose[1], np.array(vector))

@@ -36,7 +36,6 @@ class Forces:
         """``paths`` must be final: contacts go with the bodies."""
         self.paths = paths
         self._resting = Resting(paths.solids)
-        self._last: tuple[list[F64], tuple[list[Row], dict[str, float]]] = [], ([], {})
         self._touches = [(s, self._touched(s)) for s in steps if isinstance(s, Touch)]
         self._holds = [(s, self._held(s)) for s in steps if isinstance(s, Hold)]
         stays: list[tuple[Hold | Touch | Reach, Visit]] = [*self._holds]
@@ -73,19 +72,9 @@ class Forces:
     def at(self, frame: int) -> list[Row]:
         """All contacts at a frame."""
         pushes = self._pushes(frame)
-        standing, hanging = self._standing(frame, pushes)
-        return [*standing, *pushes, *self._grips(frame, hanging)]
-
-    def _standing(self, frame: int, pushes: list[Row]) -> tuple[list[Row], dict[str, float]]:
-        """Like ``Resting.at``; frames without motion since the last one share the answer."""
         poses = {name: self.paths.pose(name, frame) for name in self.paths.solids}
-        key = [np.concatenate([*pose]).round(7) for pose in poses.values()]
-        key += [np.concatenate([push.point, push.force]).round(7) for push in pushes]
-        last, answer = self._last
-        if len(last) != len(key) or not all(map(np.array_equal, last, key)):
-            answer = self._resting.at(poses, pushes)
-            self._last = key, answer
-        return answer
+        standing, hanging = self._resting.at(poses, pushes)
+        return [*standing, *pushes, *self._grips(frame, hanging)]
 
     def _during(self, span: tuple[float, float], frame: int) -> bool:
         time = self.paths.t[frame]

@@ -16,7 +16,7 @@ from safestage_eval.relations.vocabulary import GROUPS
 from safestage_eval.rules import RuleSet, load_bind, load_rules, parse_overrides
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.rules.meaning_differences import Meaning, Part, differences, mixed
+from safestage_eval.rules.compare import Meaning, Part, differences, mixed
 from safestage_eval.rules.uses import calls
 
 from .each_episode import each_episode

@@ -6,47 +6,30 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.command_options import command, option
 from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.rule_choice import RuleChoice, rule_options
-from safestage_eval.cli.shared_options import (
-    chosen_ref,
-    episode_argument,
-    episode_option,
-    progress,
-    waiting,
-)
-from safestage_eval.cli.terminal import say
+from safestage_eval.cli.shared_options import chosen_ref, episode_argument, episode_option
+from safestage_eval.cli.terminal import progress, say, waiting
 
 from .simulate_options import explains
 
 
-@click.command("film")
-@click.argument("trace")
-@episode_argument
-@episode_option
-@click.option(
-    "--output",
-    "-o",
-    type=Output("mp4", "gif", "webp"),
-    help="Film file: .mp4, .gif or .webp. Default: EPISODE_ID.mp4.",
-)
-@rule_options(values=False)
-@click.option("--view", type=click.Choice(["front", "side", "top", "close"]), default="front")
-@click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
-@click.option(
-    "--plain", is_flag=True, help="Draw the shapes that are judged, without room and textures."
-)
+@command("film")
 @explains
 def render(
     trace: str,
-    name: str | None,
-    episode: str | None,
-    output: Path | None,
-    by: RuleChoice,
-    view: str,
-    speed: float,
-    plain: bool,
-) -> None:
+    name: str | None = episode_argument,
+    episode: str | None = episode_option,
+    output: Path | None = option(
+        "Film file: .mp4, .gif or .webp. Default: EPISODE_ID.mp4.",
+        "-o", of=Output("mp4", "gif", "webp"),
+    ),
+    by: RuleChoice = rule_options(values=False),
+    view: str = option("", of=("front", "side", "top", "close"), default="front"),
+    speed: float = option("", of=click.FloatRange(0, min_open=True), default=1.0),
+    plain: bool = option("Draw the shapes that are judged, without room and textures."),
+) -> None:  # fmt: skip
     """Film an episode: roles in colours, and a halt at the moment of its verdict.
 
     Blue is the target, yellow what depends on it, pink what is protected, green the destination.

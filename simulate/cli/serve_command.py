@@ -2,46 +2,33 @@
 
 from __future__ import annotations
 
-import click
-
+from safestage_eval.cli.command_options import command, option
 from safestage_eval.cli.shared_options import allow_host_option
 from safestage_eval.cli.terminal import say
 
 from .simulate_options import explains
 
 
-@click.command()
-@click.argument("policy")
-@click.option(
-    "--protocol",
-    required=True,
-    help="Protocol: openpi, groot, dreamzero or cosmos3, with options as in an address: openpi?actions=velocity.",
-)
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", type=click.IntRange(0, 65535), help="Port, instead of the protocol's own.")
-@click.option(
-    "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
-)
-@click.option("--task", help="Task to serve, where several tasks have the same prompt.")
-@allow_host_option
-@click.option(
-    "--max-message",
-    "largest",
-    default="64 MB",
-    show_default=True,
-    metavar="SIZE",
-    help="Hang up on a caller whose message is larger.",
-)
+@command("serve")
 @explains
 def serve(
     policy: str,
-    protocol: str,
-    host: str,
-    port: int | None,
-    seed: int,
-    task: str | None,
-    allow_host: tuple[str, ...],
-    largest: str,
+    protocol: str = option(
+        "Protocol: openpi, groot, dreamzero or cosmos3, with options as in an address: "
+        "openpi?actions=velocity.",
+        required=True,
+    ),
+    host: str = option("Address to listen on.", default="127.0.0.1"),
+    port: int | None = option("Port, instead of the protocol's own.", least=0, most=65535),
+    seed: int = option("Environment seed that clients roll out.", default=0),
+    task: str | None = option("Task to serve, where several tasks have the same prompt."),
+    allow_host: tuple[str, ...] = allow_host_option,
+    largest: str = option(
+        "Hang up on a caller whose message is larger.",
+        "--max-message",
+        default="64 MB",
+        metavar="SIZE",
+    ),
 ) -> None:
     """Serve a policy in a model's protocol, to test a client, a campaign or a network.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.command_options import argument, command, option
 from safestage_eval.cli.outputs import Output
 from safestage_eval.cli.rule_choice import RuleChoice, rule_options
 from safestage_eval.cli.shared_options import selected, traces_argument, where_option
@@ -14,9 +15,7 @@ from safestage_eval.cli.terminal import say
 
 from .simulate_options import BadInput, explains, progress
 
-folder_argument = click.argument(
-    "folder", type=click.Path(path_type=Path, file_okay=False, exists=True)
-)
+FOLDER = argument("FOLDER", type=click.Path(path_type=Path, file_okay=False, exists=True))
 
 
 @click.group()
@@ -27,38 +26,29 @@ def sheets() -> None:
     """
 
 
-@sheets.command()
-@traces_argument
-@click.option(
-    "--out",
-    type=Output(file=False, folder=True),
-    required=True,
-    help="Folder for label_sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
-)
-@click.option("--sample", "-n", "count", type=click.IntRange(1), metavar="N",
-              help="Number of rollouts, spread evenly over the stages. Default: all.")  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Sampling seed.")
-@click.option(
-    "--list",
-    "listed",
-    type=click.Path(path_type=Path, dir_okay=False, exists=True),
-    help="CSV file with a column episode_id: draw these rollouts in this order.",
-)
-@click.option("--hide-success", is_flag=True,
-              help="Do not show whether and when the goal was reached, so that readers can judge it.")  # fmt: skip
-@rule_options(values=False)
-@where_option
+@command("draw")
 @explains
 def draw(
-    traces: tuple[str, ...],
-    out: Path,
-    count: int | None,
-    seed: int,
-    listed: Path | None,
-    hide_success: bool,
-    by: RuleChoice,
-    where: tuple[str, ...],
-) -> None:
+    traces: tuple[str, ...] = traces_argument,
+    out: Path = option(
+        "Folder for label_sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
+        of=Output(file=False, folder=True), required=True,
+    ),
+    count: int | None = option(
+        "Number of rollouts, spread evenly over the stages. Default: all.", "--sample", "-n", least=1,
+        metavar="N",
+    ),
+    seed: int = option("Sampling seed.", default=0),
+    listed: Path | None = option(
+        "CSV file with a column episode_id: draw these rollouts in this order.", "--list",
+        of=click.Path(path_type=Path, dir_okay=False, exists=True),
+    ),
+    hide_success: bool = option(
+        "Do not show whether and when the goal was reached, so that readers can judge it."
+    ),
+    by: RuleChoice = rule_options(values=False),
+    where: tuple[str, ...] = where_option,
+) -> None:  # fmt: skip
     """Draw sheets of rollouts, numbered in random order; existing sheets are kept.
 
     \b
@@ -91,32 +81,18 @@ def draw(
     say(f"{out}: {new} drawn, {len(chosen) - new} there already")
 
 
-@sheets.command("close-up")
-@folder_argument
-@click.argument("number", type=int)
-@click.option("--from", "start", type=float, required=True, metavar="S", help="First moment.")
-@click.option("--to", "end", type=float, required=True, metavar="S", help="Last moment.")
-@click.option("--count", type=click.IntRange(1, 60), default=12, show_default=True)
-@click.option(
-    "--view",
-    type=click.Choice(["side", "front", "top", "robot"]),
-    default="side",
-    show_default=True,
-)
-@click.option("--zoom", multiple=True, metavar="BODY", help="Body to follow closely. Repeatable.")
-@click.option("--output", "-o", type=Output("png"), required=True)
-@rule_options(values=False)
+@command("close-up")
 @explains
 def close_up(
-    folder: Path,
-    number: int,
-    start: float,
-    end: float,
-    count: int,
-    view: str,
-    zoom: tuple[str, ...],
-    output: Path,
-    by: RuleChoice,
+    folder: Path = FOLDER,
+    number: int = argument("NUMBER"),
+    start: float = option("First moment.", "--from", required=True, metavar="S"),
+    end: float = option("Last moment.", "--to", required=True, metavar="S"),
+    count: int = option("", least=1, most=60, default=12),
+    view: str = option("", of=("side", "front", "top", "robot"), default="side"),
+    zoom: tuple[str, ...] = option("Body to follow closely. Repeatable.", metavar="BODY"),
+    output: Path = option("", "-o", of=Output("png"), required=True),
+    by: RuleChoice = rule_options(values=False),
 ) -> None:
     """Look closer at a rollout of FOLDER by its NUMBER, without learning which it is.
 
@@ -135,17 +111,21 @@ def close_up(
     say(f"{output}: {image.shape[1]} x {image.shape[0]} pixels")
 
 
-@sheets.command()
-@folder_argument
-@click.argument(
-    "answers", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False, exists=True)
-)
-@click.option(
-    "--labels", "-l", "file", type=Output("csv"),
-    default=Path("labels.csv"), show_default=True, help="Where labels are kept; a CSV file.",
-)  # fmt: skip
+@command("enter")
 @explains
-def enter(folder: Path, answers: tuple[Path, ...], file: Path) -> None:
+def enter(
+    folder: Path = FOLDER,
+    answers: tuple[Path, ...] = argument(
+        "ANSWERS...", required=True, type=click.Path(path_type=Path, dir_okay=False, exists=True)
+    ),
+    file: Path = option(
+        "Where labels are kept; a CSV file.",
+        "--labels",
+        "-l",
+        of=Output("csv"),
+        default=Path("labels.csv"),
+    ),
+) -> None:
     """Turn ANSWERS by number (number,label,reviewer,note) into labels by episode.
 
     \b
@@ -156,3 +136,7 @@ def enter(folder: Path, answers: tuple[Path, ...], file: Path) -> None:
     from simulate.study.study import enter as entered
 
     say(f"{file}: {entered(folder, answers, Ledger(file))} labels entered")
+
+
+for below in (draw, close_up, enter):
+    sheets.add_command(below)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from simulate.world.describe import Facts, Kind
 
-F64 = NDArray[np.float64]
 Side = Literal["left", "right"]
 
 _GRIPPER = re.compile(r"gripper|finger|hand(?!le)|claw|knuckle|robotiq", re.IGNORECASE)
@@ -96,52 +95,6 @@ class ForeignFacts:
         """Indices of all degrees of freedom of robots."""
         return np.flatnonzero([self._robot(int(body)) for body in self._model.dof_bodyid])
 
-    def openness(self) -> Openness | None:
-        """Gripper opening from its joints; None where the fingers do not show it."""
-        if self.hand is None:
-            return None
-        joints = [
-            int(self._model.body_jntadr[body])
-            for bodies in self.fingers.values()
-            for body in bodies
-            if self._model.body_jntnum[body]
-        ]
-        limited = [j for j in joints if self._model.jnt_limited[j]]
-        return Openness(self._model, self.fingers, limited) if limited else None
-
-
-class Openness:
-    """Gripper joints as a share: 0 closed … 1 open.
-
-    Which end of a joint's range is open is tried out: there the fingers are farther apart.
-    """
-
-    def __init__(
-        self, model: mujoco.MjModel, fingers: dict[Side, list[int]], joints: list[int]
-    ) -> None:
-        """``joints``: ids of the limited ones that move fingers."""
-        self._address = np.array([model.jnt_qposadr[j] for j in joints])
-        data = mujoco.MjData(model)
-        ends = np.array([model.jnt_range[j] for j in joints])
-        self._closed, self._open = ends[:, 0].copy(), ends[:, 1].copy()
-        middle = ends.mean(axis=1)
-        for k, address in enumerate(self._address):
-            apart = []
-            for end in ends[k]:
-                data.qpos[:] = model.qpos0
-                data.qpos[self._address] = middle
-                data.qpos[address] = end
-                mujoco.mj_kinematics(model, data)
-                left, right = (_middle(model, data, fingers[side]) for side in ("left", "right"))
-                apart.append(float(np.linalg.norm(left - right)))
-            if apart[0] > apart[1]:
-                self._closed[k], self._open[k] = ends[k, 1], ends[k, 0]
-
-    def __call__(self, qpos: F64) -> float:
-        """Opening at (nq,) coordinates; the mean over the joints."""
-        share = (qpos[self._address] - self._closed) / (self._open - self._closed)
-        return float(np.clip(share.mean(), 0.0, 1.0))
-
 
 def _side_of(name: str) -> Side | None:
     """By the words left and right, else by numbers: the first finger is the left one."""
@@ -176,23 +129,3 @@ def _driven_bodies(model: mujoco.MjModel) -> set[int]:
                 if int(model.wrap_type[w]) == joint:
                     out.add(int(model.jnt_bodyid[int(model.wrap_objid[w])]))
     return out
-
-
-def _middle(model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> F64:
-    """(3,) m, mean over the bodies' shapes, or their origins where they have none."""
-    points = [
-        data.xpos[body]
-        + data.xmat[body].reshape(3, 3)
-        @ np.mean(
-            [
-                model.geom_pos[g]
-                for g in range(
-                    model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]
-                )
-            ]
-            or [np.zeros(3)],
-            axis=0,
-        )
-        for body in bodies
-    ]
-    return np.asarray(np.mean(points, axis=0))

@@ -18,25 +18,13 @@ from safestage_eval.importers.known_files import MODEL_BY_NAME
 from safestage_eval.importers.missing_data import say_last_row
 
 from .foreign_facts import ForeignFacts
-from .hdf5_demos import DemoFile
 from .model_file import Loaded, load_model
 from .recorder_mujoco import RecorderMujoco, States
-from .state_arrays import StateArrays
-from .state_folders import StateFolders
 from .state_rows import Rows, episode, split
-from .stored_states import Stored
+from .stored_states import STORES, DemoFile, Stored
 from .weights import weigh
 
 F64 = NDArray[np.float64]
-
-
-STORES: tuple[type[DemoFile | StateFolders | StateArrays], ...] = (
-    DemoFile,
-    StateFolders,
-    StateArrays,
-)
-"""Where states are stored: each class says ``told_by(path)``, and has ``names``, ``read``,
-``fingerprint`` and ``close``."""
 
 
 class MujocoStates(Importer):

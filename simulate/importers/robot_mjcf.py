@@ -48,43 +48,43 @@ def robot_from_mjcf(path: Path) -> RobotModel:
         raise InputError(
             str(path), f"MuJoCo cannot read it: {' '.join(str(error).split())}."
         ) from None
-    axes = {
-        int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
-        int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
-    }
-    joints: dict[int, list[RobotJoint]] = {}
-    for j in range(model.njnt):
-        kind = axes.get(int(model.jnt_type[j]))
-        if kind is not None:
-            joints.setdefault(int(model.jnt_bodyid[j]), []).append(_joint(model, j, kind))
-    if not joints:
+    jointed = [body for j, body in enumerate(model.jnt_bodyid) if _joint(model, j) is not None]
+    if not jointed:
         raise SourceError(str(path), "has no joint that turns or slides.", "the model of a robot")
-    roots = [int(model.body_rootid[body]) for body, some in joints.items() for _ in some]
+    roots = [int(model.body_rootid[body]) for body in jointed]
     root = max(dict.fromkeys(roots), key=roots.count)
-    about = Description(model, ForeignFacts(model).facts)
+    return tree_below(model, Description(model, ForeignFacts(model).facts), root)
+
+
+def tree_below(model: mujoco.MjModel, about: Description, root: int) -> RobotModel:
+    """The links of one tree of bodies; ``root``: MuJoCo's id of its first."""
     links = []
-    for body in range(1, model.nbody):
-        if int(model.body_rootid[body]) != root:
-            continue
-        said = about.body(body)
-        kind = "robot" if said.kind in ("object", "fixture") else said.kind
-        parent = None if body == root else about.body(int(model.body_parentid[body])).name
-        # a part that can touch nothing is a mere frame
-        mass = said.mass if said.geoms else 0.0
+    for body in np.flatnonzero(model.body_rootid == root):
+        said = about.body(int(body))
+        first = int(model.body_jntadr[body])
+        joints = [_joint(model, j) for j in range(first, first + int(model.body_jntnum[body]))]
+        update = {
+            "kind": "robot" if said.kind in ("object", "fixture") else said.kind,
+            "parent": None if body == root else about.body(int(model.body_parentid[body])).name,
+            "movable": True,
+            "mass": said.mass if said.geoms else 0.0,  # what can touch nothing is a mere frame
+        }
         links.append(
             RobotLink(
-                said.model_copy(
-                    update={"kind": kind, "parent": parent, "movable": True, "mass": mass}
-                ),
+                said.model_copy(update=update),
                 tuple(model.body_pos[body].tolist()),
                 tuple(model.body_quat[body].tolist()),
-                tuple(joints.get(body, ())),
+                tuple(joint for joint in joints if joint is not None),
             )
         )
     return RobotModel(tuple(links), {mesh.key: mesh for mesh in about.meshes})
 
 
-def _joint(model: mujoco.MjModel, j: int, kind: str) -> RobotJoint:
+def _joint(model: mujoco.MjModel, j: int) -> RobotJoint | None:
+    """A joint that turns or slides; None of others."""
+    slides = int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    if not slides and int(model.jnt_type[j]) != int(mujoco.mjtJoint.mjJNT_HINGE):
+        return None
     limited = bool(model.jnt_limited[j])
     low, high = model.jnt_range[j].tolist()
     follows = None
@@ -103,7 +103,7 @@ def _joint(model: mujoco.MjModel, j: int, kind: str) -> RobotJoint:
                 follows = (model.joint(other).name, factor, rest + offset - factor * before)
     return RobotJoint(
         model.joint(j).name,
-        "prismatic" if kind == "prismatic" else "revolute",
+        "prismatic" if slides else "revolute",
         tuple(model.jnt_axis[j].tolist()),
         tuple(model.jnt_pos[j].tolist()),
         (low, high) if limited else None,

@@ -16,6 +16,7 @@ from safestage_eval.formats import CONTACT_POINT, TraceWriter
 from safestage_eval.importers import Account, MapFile
 from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.missing_data import say_contacts
+from safestage_eval.importers.robot_model import opening
 from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map
 from simulate.world.describe import Description, body_name
 from simulate.world.motion_reader import MotionReader
@@ -25,6 +26,7 @@ from .model_file import Loaded
 from .recorder_mujoco import States, Touches, pushed_by_robot, touches_here
 from .regions import region_cavities
 from .remarks import tell, tell_forces
+from .robot_mjcf import tree_below
 from .weights import light_contacts, weigh
 
 F64 = NDArray[np.float64]
@@ -97,7 +99,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     time, qpos, qvel, ctrl = rows.states
     _put(model, data, qpos[0], qvel[0])
     about = Description(model, facts.facts)
-    openness = facts.openness()
+    gripper = _gripper(model, about, facts, qpos)
     rooms = region_cavities(model, data, about)
     meshes = {mesh.key: mesh for mesh in about.meshes}
     bodies = tuple(
@@ -143,7 +145,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
                 joint_position=data.qpos[about.joint_qpos],
                 joint_velocity=data.qvel[about.joint_dof],
                 action=rows.action[frame] if rows.action.shape[1] else None,
-                gripper=None if openness is None else [openness(data.qpos)],
+                gripper=None if gripper is None else gripper[frame : frame + 1],
             )
     if rows.loaded.lost:
         say_contacts(account)
@@ -158,6 +160,17 @@ def _touches(rows: Rows, model: mujoco.MjModel, facts: ForeignFacts) -> Touches:
     if rows.loaded.lost:
         return Touches(mujoco.__version__, [np.zeros(0, CONTACT_POINT)] * len(rows.states.time))
     return rows.touches or touches_here(model, rows.states, facts.driven)
+
+
+def _gripper(
+    model: mujoco.MjModel, about: Description, facts: ForeignFacts, qpos: F64
+) -> F64 | None:
+    """(T,) how far the gripper is open; None where its fingers do not show it."""
+    if facts.hand is None:
+        return None
+    names = [model.joint(j).name for j in range(model.njnt)]
+    positions = {name: qpos[:, model.jnt_qposadr[j]] for j, name in enumerate(names)}
+    return opening(tree_below(model, about, int(model.body_rootid[facts.hand])), positions)
 
 
 def _put(model: mujoco.MjModel, data: mujoco.MjData, qpos: F64, qvel: F64) -> None:

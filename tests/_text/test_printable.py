@@ -10,10 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from safestage_eval._text.printable import printable, printable_lines
-from safestage_eval.report.render_csv import render_csv
-from safestage_eval.report.render_latex import render_latex
-from safestage_eval.report.render_markdown import render_markdown
-from safestage_eval.report.render_text import render_text
+from safestage_eval.report.document import Document, render_csv
 from safestage_eval.report.table import Table
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\u202egnp.exe\u2066\r\n\x9b31m\udcff\u200b"
@@ -41,20 +38,21 @@ def test_lines_stay_lines(text):
     assert all(shows_all(line.replace("\t", "")) for line in found)
 
 
-@pytest.mark.parametrize("render", [render_text, render_markdown, render_latex])
-def test_a_hostile_name_in_a_table(render):
+@pytest.mark.parametrize("form", ["table", "markdown", "latex"])
+def test_a_hostile_name_in_a_table(form):
     table = Table(HOSTILE, ("name", "k"), [[HOSTILE, "1"], [HOSTILE, "2"]], 1)
-    assert all(shows_all(line) for line in render([table], [HOSTILE]).split("\n"))
+    assert all(shows_all(line) for line in Document([table], [HOSTILE]).render(form).split("\n"))
 
 
 def test_a_hostile_name_in_rows():
-    text = render_csv(["name"], [{"name": HOSTILE}])
+    text = render_csv([{"name": HOSTILE}])
     assert all(shows_all(line) for line in text.split("\n"))
     assert next(csv.DictReader(io.StringIO(text))) == {"name": printable(HOSTILE)}
 
 
 def test_cells_cannot_break_out_of_a_markdown_table():
     table = Table("", ("name",), [["a | b\n| c |"], ["<script>alert(1)</script>"]], 1)
-    lines = render_markdown([table]).splitlines()
+    text = Document([table]).render("markdown")
+    lines = text.splitlines()
     assert all(len(re.findall(r"(?<!\\)\|", line)) == 2 for line in lines if line)
-    assert "<script" not in render_markdown([table]).replace("\\<", "")
+    assert "<script" not in text.replace("\\<", "")

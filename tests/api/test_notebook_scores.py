@@ -41,6 +41,12 @@ def test_unknown_truths_select_no_row(scores):
     assert not rows[rows.assigned & rows.violation].empty
 
 
+def test_what_is_gone_says_what_to_use(few):
+    with pytest.raises(AttributeError, match=r"use scores\.rows"):
+        few.to_pandas()
+    assert not hasattr(few, "to_excel")
+
+
 def test_rates_are_those_of_the_counts(scores):
     rates = scores.rates.set_index(["policy", "stage"])
     assert rates.loc[("reference:unsafe", "All"), "VR"] == 1

@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from safestage_eval.cli import shared_options
+from safestage_eval.cli import terminal
 from safestage_eval.cli.terminal import BARS, line_width, say
 
 
@@ -23,7 +23,7 @@ def test_a_message_stands_on_a_line_of_its_own_while_a_bar_is_drawn(monkeypatch)
     stream = Terminal()
     monkeypatch.setattr("sys.stderr", stream)
     monkeypatch.setenv("TERM", "xterm")
-    with shared_options.progress("checking") as tell:
+    with terminal.progress("checking") as tell:
         tell(1, 3)
         say("error: first", err=True)
         tell(2, 3)

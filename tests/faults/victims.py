@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sqlite3
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -21,8 +23,8 @@ from safestage_eval.cli import main
 from safestage_eval.episode import check
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
-from safestage_eval.run.result_parts import ENDING, Parts
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.run_ledger import FILE, Ledger
+from safestage_eval.run.score_traces import score_paths
 
 EPISODES = 8
 RULES = "fsh"
@@ -178,22 +180,22 @@ class Scorer(Victim):
         return code
 
     def left(self, folder: Path) -> set[str]:
-        """Ids of the results in all parts, each compared with the truth."""
+        """Ids of the results that are kept, each compared with the truth."""
         found = set()
-        if not (folder / "parts").is_dir():
+        if not (folder / FILE).is_file():
             return found
-        parts = Parts(folder / "parts")
-        for path in (folder / "parts").iterdir():
-            if path.name.endswith(ENDING):
-                rows = parts.adopt(path.name)
-                assert rows, f"{path} is half a file"
-                for row in rows:
-                    document = json.loads(parts.line(row))
-                    truth = self.results[document["episode_id"]]
-                    assert document["trace_hash"] == truth.trace_hash
-                    verdicts = [(v["rule"], v["verdict"], v["time"]) for v in document["verdicts"]]
-                    assert verdicts == [(v.rule, v.verdict, v.time) for v in truth.verdicts]
-                    found.add(document["episode_id"])
+        kept = Ledger(folder)
+        with closing(sqlite3.connect(folder / FILE)) as db:
+            keys = [key for (key,) in db.execute("SELECT key FROM kept")]
+        for key in keys:
+            line = kept.find(key)
+            assert line is not None, f"{key} is half a result"
+            document = json.loads(line)
+            truth = self.results[document["episode_id"]]
+            assert document["trace_hash"] == truth.trace_hash
+            verdicts = [(v["rule"], v["verdict"], v["time"]) for v in document["verdicts"]]
+            assert verdicts == [(v.rule, v.verdict, v.time) for v in truth.verdicts]
+            found.add(document["episode_id"])
         return found
 
 

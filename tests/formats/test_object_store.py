@@ -16,8 +16,7 @@ from safestage_eval.formats import discover, load, remote_path, save
 from safestage_eval.formats.byte_source import BLOCK, BlockSource
 from safestage_eval.formats.remote_path import RemotePath, as_path
 from safestage_eval.run import score_traces as runs
-from safestage_eval.run.score_many import score_paths
-from safestage_eval.run.score_traces import Choice
+from safestage_eval.run.score_traces import Choice, score_paths
 from safestage_eval.run.settings import load_settings
 
 pytest.importorskip("moto")

@@ -16,7 +16,7 @@ from safestage_eval.formats import load, save
 from safestage_eval.importers import import_all
 from safestage_eval.report import render
 from safestage_eval.rules import RuleErrors, load_bind, load_rules
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 
 DEEP = "[" * 100_000
 

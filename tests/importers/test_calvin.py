@@ -59,7 +59,7 @@ def test_blocks_and_furniture(source):
     assert drawer[-1, 1] == pytest.approx(-0.1 * 39 / 30, abs=1e-6)
     assert theirs.bodies["table_base_link"].kind == "fixture"
     assert theirs.bodies["table_base_link"].geoms[0].size == pytest.approx((0.4, 0.4, 0.04))
-    assert "poses of the links of the arm" in done.text
+    assert "poses of the links of robot" in done.text
 
 
 def test_the_arm_by_its_description(source):

@@ -12,8 +12,8 @@ from test_robot_model import ARM
 from test_transforms import tumbling, write_bag
 
 from safestage_eval.formats import load
+from safestage_eval.importers.bag_files import messages, topics
 from safestage_eval.importers.robot_file import robot_from_urdf
-from safestage_eval.importers.ros_bag import bag_messages, types
 
 JOINTS = (
     "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
@@ -35,7 +35,7 @@ def test_it_is_read_as_its_mcap_twin(tmp_path, folder):
     (tmp_path / "bag").mkdir()
     sqlite = as_sqlite(mcap, tmp_path / "bag" / "run_0.db3")
     (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 5\n")
-    assert "tf2_msgs/msg/TFMessage" in types(sqlite)
+    assert "tf2_msgs/msg/TFMessage" in topics(sqlite).values()
     found = []
     for source in (mcap, tmp_path / "bag" if folder else sqlite):
         to = tmp_path / f"data{len(found)}"
@@ -128,9 +128,9 @@ def test_nothing_in_a_database_is_run(tmp_path, what):
     script, message = PROGRAMS[what]
     path = written(tmp_path / "bag.db3", script)
     began = process_time()
-    assert types(path) <= {"tf2_msgs/msg/TFMessage"}
+    assert {*topics(path).values()} <= {"tf2_msgs/msg/TFMessage"}
     with pytest.raises(ValueError, match=message):
-        list(bag_messages(path))
+        list(messages(path))
     assert process_time() - began < 1
 
 
@@ -141,10 +141,10 @@ def test_a_database_comes_back_when_its_time_is_over(tmp_path, monkeypatch):
         f"{LISTED} CREATE TABLE messages(id, topic_id, timestamp, data);"
         "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n WHERE x < 300000) " + rows,
     )
-    assert sum(1 for _ in bag_messages(path)) == 300_000
+    assert sum(1 for _ in messages(path)) == 300_000
     monkeypatch.setenv("SAFESTAGE_LIMITS", "seconds=0")
     with pytest.raises(ValueError, match="takes longer"):
-        list(bag_messages(path))
+        list(messages(path))
 
 
 @pytest.mark.parametrize("named", ["in the bag", "by --robot"])

@@ -70,13 +70,13 @@ class Toy(Importer):
             raw = Body(name=body, kind="object", untold=("up_axis", "cavity"))
             scene.add(scene.describe(raw), _motion(z))
         scene.need_shapes("toys have none")
-        scene.gaps.refuse()
+        scene.refuse()
         say_success(account, known=False, hold=None)
         account.guessed("orientations", "upright throughout", cost="tilt, toppled and upright")
         account.guessed("velocities", "stored as 0; rules derive them from poses", cost="impact")
         t = np.arange(len(next(iter(heights.values())))) * dt
         com = "the bodies' origins"
-        return scene.episode(t, None, com=com, task="toy", physics_dt=dt, frame_dt=dt)
+        return scene.episode(t, com=com, task="toy", physics_dt=dt, frame_dt=dt)
 
 
 def _heights(toys: Any, where: str) -> dict[str, NDArray[np.float64]]:

@@ -10,7 +10,7 @@ from scenes import Scene
 
 from safestage_eval.episode import Geom
 from safestage_eval.formats import discover, save
-from safestage_eval.label import Ledger, Session, sample, serve
+from safestage_eval.label import Ledger, Server, Session, sample
 from safestage_eval.rules import load_rules
 
 SECRETS = ("SECRET-POLICY", "SECRET-ID", "SECRET-NOTE", "SECRET-TASK")
@@ -64,7 +64,7 @@ def session(folder, labels, **more):
 @contextmanager
 def served(found):
     """The session's server, running until the block ends."""
-    server = serve(found)
+    server = Server(found)
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
     thread.start()
     try:

@@ -7,7 +7,7 @@ import pytest
 from sitting import SECRETS, ask, record, rules, served, session
 
 from safestage_eval.formats import discover
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 
 
 @pytest.fixture(scope="module")

@@ -19,12 +19,6 @@ def test_wilson_is_that_of_statsmodels(n, share, confidence):
     assert wilson(k, n, confidence) == pytest.approx((low, high), abs=1e-12)
 
 
-@pytest.mark.parametrize(("k", "n"), [(0, 1), (1, 1), (0, 10), (10, 10), (3, 10)])
-def test_wilson_is_that_of_scipy(k, n):
-    found = stats.binomtest(k, n).proportion_ci(method="wilson")
-    assert wilson(k, n) == pytest.approx((found.low, found.high), abs=1e-12)
-
-
 def test_wilson_of_nothing_is_nothing():
     assert wilson(0, 0) is None
 

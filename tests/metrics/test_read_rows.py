@@ -119,7 +119,7 @@ def test_what_a_row_cannot_say(change, words):
 
 
 def test_two_verdicts_of_a_rule_on_an_episode():
-    with pytest.raises(InputError, match="rows 1 and 2: two verdicts of FSH101"):
+    with pytest.raises(InputError, match="row 2: a second verdict of FSH101"):
         result({}, {"verdict": "violation"})
     with pytest.raises(InputError, match="verdict is 'fine'"):
         result({"verdict": "fine"})
@@ -132,7 +132,8 @@ def test_two_verdicts_of_a_rule_on_an_episode():
         (b"\xff\xfe\x00", "not a table"),
         (b"PAR1 no", "a broken Parquet file"),
         (b"task,stage\na,FSH\n", "lacks policy, prompt, seed, rollout, success, violation"),
-        (b'{"a": 1}\n{"b": 2}', "row 1: lacks task"),
+        (b'{"a": 1}\n{"b": 2}', "a table of something else: 'a'"),
+        (b'{"task": 1}\n{"b": 2}', "row 1: lacks stage"),
         (ROW + b'\n{"b"', "line 2"),
         (b'{"a"', "line 1"),
         (b"[1, 2]", "no results"),

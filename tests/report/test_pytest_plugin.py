@@ -12,7 +12,7 @@ import pytest
 from studio import safe_and_unsafe
 
 from safestage_eval.report.golden import write_golden
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 
 CHECKOUT = Path(__file__).parents[2]
 

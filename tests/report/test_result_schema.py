@@ -10,7 +10,7 @@ import pytest
 from safestage_eval.report import render
 from safestage_eval.report.result_rows import COLUMNS
 from safestage_eval.report.result_schema import FILE, results_schema, schema_text
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 
 ROOT = Path(__file__).parents[2]
 

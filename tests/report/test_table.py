@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from safestage_eval.report.render_json import render_json
+from safestage_eval.report.document import render_json
 from safestage_eval.report.render_text import text_lines
 from safestage_eval.report.table import Table
 

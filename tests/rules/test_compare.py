@@ -4,8 +4,7 @@ import pytest
 from toy import ruleset
 
 from safestage_eval.rules import rule_digest
-from safestage_eval.rules.compare import compare
-from safestage_eval.rules.meaning_differences import Meaning, differences, mixed
+from safestage_eval.rules.compare import Meaning, compare, differences, mixed
 from safestage_eval.rules.uses import own_params
 
 BASE = """

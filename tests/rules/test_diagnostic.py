@@ -123,7 +123,7 @@ CASES = [
     ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\n'
              'box = «[["0 m", "0 m", "0 m"], ["1 m", "1 m", "0 cm"]]»\n'),
     ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\n'
-             'box = «[["0 m", "0 m", "0 m"], ["1 m", "1 m", "9 deg"]]»\n'),
+             'box = [["0 m", "0 m", "0 m"], ["1 m", "1 m", «"9 deg"»]]\n'),
     ("R414", rule(GOOD.replace(" }", ', «"workspace_margin(a)"» = ">= 0 cm" }'))),
     ("R407", HEAD + '[signal.heat]\nbase = "channel"\nchannel = "temperature"\nunit = "degC"\n'
              + RULE + GOOD.replace(" }", ', "heat(a)" = «"<= 80 %"» }')),
@@ -152,14 +152,6 @@ CASES = [
              + '[signal.far]\nof = ["x"]\ndifference = «["height(x)", "1 N"]»\n'),
     ("R407", rule(GOOD.replace(" }", ', "soon(a)" = «"<= 1 m"» }'))
              + '[signal.soon]\nof = ["x"]\nderivative = "height(x)"\n'),
-    # what the language had, with what says it now
-    ("R201", HEAD + '[«task».x]\nrules = ["ETS000"]\n'),
-    ("R201", HEAD + '[«family».x]\nrules = ["ETS000"]\n'),
-    ("R201", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
-             + '[signal.far]\nof = ["x"]\n«min» = ["height(x)", "1 m"]\n'),
-    ("R307", rule(GOOD.replace(" }", ', «"once[1 s, 2 s] moved(a)"» = true }'))),
-    ("R307", rule(GOOD.replace(" }", ', «"moved(a) since[0 s] moved(b)"» = true }'))),
-    ("R307", rule(GOOD.replace(" }", ', «"moved(a) xor moved(b)"» = true }'))),
     ("R305", rule(GOOD).replace('a = "object"', 'a = «"every object unnamed"»')),
 ]  # fmt: skip
 
@@ -225,6 +217,19 @@ def test_what_the_language_had_is_refused_with_what_says_it_now(gone: str, tmp_p
     (tmp_path / "mine.toml").write_text(text)
     (found,) = [one for one in check_rules([tmp_path / "mine.toml"]) if "any more" in one.what]
     assert {**GONE, **GONE_ATOMS}[gone] in (found.fix, found.allowed)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(("deep", "codes"), [(30, []), (60, ["R410"]), (2000, ["R410"])])
+def test_definitions_rest_on_one_another_only_so_deep(
+    deep: int, codes: list[str], backwards: bool, tmp_path: Path
+) -> None:
+    on = ["height(a)", *(f"s{i}(a)" for i in range(deep - 1))]
+    signals = [f'[signal.s{i}]\nof = ["a"]\nabs = "{one}"\n' for i, one in enumerate(on)]
+    last = f'forbid = [{{ "s{deep - 1}(a)" = "> 1 m" }}, "contact(a, b)"]\n'
+    text = HEAD + "".join(reversed(signals) if backwards else signals) + RULE + last
+    (tmp_path / "mine.toml").write_text(text)
+    assert [d.code for d in check_rules([tmp_path / "mine.toml"])] == codes
 
 
 def test_all_problems_at_once(tmp_path: Path) -> None:

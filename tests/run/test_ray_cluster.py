@@ -14,7 +14,7 @@ from studio import block
 
 from safestage_eval.formats import save
 from safestage_eval.report import render
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 
 pytest.importorskip("ray")
 pytestmark = pytest.mark.slow

@@ -6,11 +6,10 @@ import pytest
 from studio import block, run, safe_and_unsafe
 
 from safestage_eval.formats import load, save
-from safestage_eval.run import pool
+from safestage_eval.run import pool, run_ledger
 from safestage_eval.run import score_traces as runs
 from safestage_eval.run.score_episode import score_episode
-from safestage_eval.run.score_many import score_paths
-from safestage_eval.run.score_traces import Choice
+from safestage_eval.run.score_traces import Choice, score_paths
 from safestage_eval.run.settings import load_settings
 
 
@@ -100,7 +99,7 @@ def test_what_was_asked_otherwise_is_answered_anew(traces, tmp_path, counted, ch
 @pytest.mark.slow
 def test_a_long_run_goes_through_processes_and_disk(traces, monkeypatch):
     monkeypatch.setattr(runs, "IN_MEMORY", 3)
-    monkeypatch.setattr(runs, "PART_RESULTS", 2)
+    monkeypatch.setattr(run_ledger, "WAITING", 2)
     steps = []
     found = runs.score_traces(
         [traces], load_settings(["fsh"]), Choice(jobs=2), lambda *step: steps.append(step)

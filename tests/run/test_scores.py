@@ -7,7 +7,8 @@ import pytest
 from studio import block, safe_and_unsafe
 
 from safestage_eval.formats import EpisodeRef, discover, save
-from safestage_eval.run.score_many import score_many, score_paths
+from safestage_eval.run.score_many import score_many
+from safestage_eval.run.score_traces import score_paths
 from safestage_eval.verdicts.problem import Problem
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 from simulate.record.campaign import read_campaign
 from simulate.record.jobs import plan, record, recorded_ids
 from simulate.tasks.task import task_named

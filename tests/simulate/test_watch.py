@@ -9,7 +9,7 @@ from studio import run
 
 from safestage_eval.formats import load
 from safestage_eval.rules import load_rules
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 from safestage_eval.verdicts import judge
 
 pytestmark = pytest.mark.simulate

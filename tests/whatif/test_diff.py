@@ -8,7 +8,7 @@ from studio import block, run
 from safestage_eval.formats import discover, save
 from safestage_eval.metrics import by_policy_stage, outcomes
 from safestage_eval.report import render
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 from safestage_eval.whatif.diff import diff
 from safestage_eval.whatif.result_difference import difference, read_results
 

@@ -9,7 +9,7 @@ from studio import block, run
 from safestage_eval.formats import discover, save
 from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import score_paths
 from safestage_eval.sketch import resolve
 from safestage_eval.whatif.sweep import sweep
 from safestage_eval.whatif.swept_values import between, chosen, text_of

@@ -122,14 +122,8 @@ def evidence(
     Raises InputError when no trace belongs to the rows.
     """
     shown, notes = chosen(refs, rows, most)
-    drawn = pieces(
-        shown,
-        {name: stored_verdicts(own) for name, own in rows.items()},
-        settings.rule_set,
-        overrides=settings.overrides,
-        bind=settings.bind,
-        **more,
-    )
+    said = {name: stored_verdicts(own) for name, own in rows.items()}
+    drawn = pieces(shown, said, settings, **more)
     titles = {code: rule.title for code, rule in settings.rule_set.rules.items()}
     return replace(report, pieces=drawn, notes=notes, titles=titles)
 

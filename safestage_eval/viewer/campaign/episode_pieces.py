@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.syntax import amount
+from safestage_eval.run.settings import Settings
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.viewer.camera_film import film_of
@@ -60,8 +60,7 @@ class Pieces:
     bytes: int = 0
 
 
-@dataclass(frozen=True)
-class Drawn:
+class Drawn(NamedTuple):
     """One episode: its pieces unless they were written, and by parameter its verdicts under other limits."""
 
     episode_id: str
@@ -72,13 +71,62 @@ class Drawn:
     swept: Mapping[str, Swept]
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """Draws episodes, in this process or in others.
+
+    Attributes:
+        settings: how they are judged.
+        said: episode id → what the results say of it.
+        names: episode id → name of its piece.
+        folder: where the pieces are written, each as a script; None: they are kept.
+        everything: rules that pass without being assigned as well.
+        visited: parameter → the values of it under which episodes are judged.
+    """
+
+    settings: Settings
+    said: Mapping[str, StoredVerdicts]
+    names: Mapping[str, str]
+    folder: Path | None
+    everything: bool
+    visited: Mapping[str, tuple[ast.Setting, ...]]
+
+    def __call__(self, ref: EpisodeRef) -> Drawn:
+        """Write the evidence of one episode, and sweep it. Raises TraceError if it cannot be read."""
+        episode, settings, folder = ref.open(), self.settings, self.folder
+        again = Again(episode, settings.rule_set, settings.overrides or {}, settings.bind)
+        name = episode.header.episode_id
+        stored = self.said.get(name, {})
+        meshes: dict[str, bytes] = {}
+        content = episode_data(again, stored, everything=self.everything, shared=meshes)
+        made = {self.names[ref.episode_id]: packed(content)}
+        for key, mesh in meshes.items():
+            if folder is None or not (folder / f"{key}.js").exists():
+                made[key] = packed(mesh)
+        if folder is not None:
+            for key, data in made.items():
+                write_piece(folder, key, data)
+        read = {
+            param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
+        }
+        return Drawn(
+            name,
+            made if folder is None else {},
+            sum(map(len, made.values())),
+            film_of(ref, episode.header.video),
+            bool(differences([v for _, v in listed(again) if v.assigned], stored)),
+            {
+                param: sweep_episode(again, param, self.visited[param])
+                for param in sorted(read & self.visited.keys())
+            },
+        )
+
+
 def pieces(
     refs: Sequence[EpisodeRef],
     said: Mapping[str, StoredVerdicts],
-    rules: RuleSet,
+    settings: Settings,
     *,
-    overrides: Mapping[str, str] | None = None,
-    bind: BindFile | None = None,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     folder: Path | None = None,
@@ -87,37 +135,17 @@ def pieces(
 ) -> Pieces:
     """Gather evidence of episodes, and determine on which limits their verdicts depend.
 
-    Args:
-        refs: the episodes.
-        said: episode id → what the results say of it.
-        rules: to judge by.
-        overrides: parameters, as written; these are not swept.
-        bind: a bind file.
-        jobs: worker processes.
-        progress: called with (done, total).
-        folder: where the pieces are written, each as a script; None: they are kept.
-        everything: rules that pass without being assigned as well.
-        sweep: find out on which limits verdicts depend.
-
-    Raises RuleError, InputError as ``score_many``.
+    Arguments as of ``Drawing``; ``sweep``: find out on which limits verdicts depend; those that are set are
+    not moved. Raises RuleError, InputError as ``score_many``.
     """
+    rules = settings.rule_set
     visited = {
         name: tuple(sorted(between(rules, name, None, None, STEPS), key=amount))
         for name in {name for rule in rules.rules.values() for name in limits(rule)}
-        if sweep and amount(rules.params[name]) > 0 and name not in (overrides or {})
+        if sweep and amount(rules.params[name]) > 0 and name not in (settings.overrides or {})
     }
     names = {ref.episode_id: piece_name(place) for place, ref in enumerate(refs)}
-    work = partial(
-        draw,
-        rules=rules,
-        said=dict(said),
-        visited=visited,
-        overrides=dict(overrides or {}),
-        bind=bind,
-        names=names,
-        folder=folder,
-        everything=everything,
-    )
+    work = Drawing(settings, dict(said), names, folder, everything, visited)
     drawn, problems = each_episode(refs, work, jobs=jobs, progress=progress)
     return Pieces(
         {name: data for item in drawn for name, data in item.packed.items()},
@@ -127,48 +155,6 @@ def pieces(
         tuple(item.episode_id for item in drawn if item.differs),
         tuple(problems),
         sum(item.bytes for item in drawn),
-    )
-
-
-def draw(
-    ref: EpisodeRef,
-    rules: RuleSet,
-    said: Mapping[str, StoredVerdicts],
-    visited: Mapping[str, tuple[ast.Setting, ...]],
-    overrides: Mapping[str, str],
-    bind: BindFile | None,
-    names: Mapping[str, str],
-    folder: Path | None,
-    everything: bool,
-) -> Drawn:
-    """Write the evidence of one episode, and sweep it. Raises TraceError if it cannot be read."""
-    episode = ref.open()
-    again = Again(episode, rules, overrides, bind)
-    name = episode.header.episode_id
-    stored = said.get(name, {})
-    meshes: dict[str, bytes] = {}
-    content = episode_data(again, stored, everything=everything, shared=meshes)
-    made = {names[ref.episode_id]: packed(content)}
-    for key, mesh in meshes.items():
-        if folder is None or not (folder / f"{key}.js").exists():
-            made[key] = packed(mesh)
-    if folder is not None:
-        for key, data in made.items():
-            write_piece(folder, key, data)
-    read = {
-        param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
-    }
-    moved = {
-        param: sweep_episode(again, param, visited[param])
-        for param in sorted(read & visited.keys())
-    }
-    return Drawn(
-        name,
-        made if folder is None else {},
-        sum(map(len, made.values())),
-        film_of(ref, episode.header.video),
-        bool(differences([v for _, v in listed(again) if v.assigned], stored)),
-        moved,
     )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from itertools import chain, groupby
 from typing import Any
 from urllib.parse import quote
 
+from safestage_eval._text.plural import count
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.aggregate import Aggregate
 from safestage_eval.metrics.interval import wilson
@@ -83,21 +85,14 @@ def _details(counts: Aggregate) -> str:
 
 def _facts(report: Report) -> str:
     counts = report.counts
-    tasks = len({o.task for o in counts.outcomes if o.task})
-    facts = [
-        f"{len(counts.outcomes):,} rollouts",
-        _counted(tasks, "task"),
-        _counted(len(counts.policies), "policy", "policies"),
-        _counted(len(counts.prompts), "prompt"),
-        f"from {report.source}",
-    ]
-    return f"<p>{escape(' · '.join(fact for fact in facts if fact))}</p>"
-
-
-def _counted(number: int, one: str, several: str = "") -> str:
-    if not number:
-        return ""
-    return f"{number} {one if number == 1 else several or one + 's'}"
+    several = {
+        "task": len({o.task for o in counts.outcomes if o.task}),
+        "policy": len(counts.policies),
+        "prompt": len(counts.prompts),
+    }
+    said = [f"{len(counts.outcomes):,} rollouts"]
+    said += [count(number, noun) for noun, number in several.items() if number]
+    return f"<p>{escape(' · '.join([*said, f'from {report.source}']))}</p>"
 
 
 def _footer(report: Report) -> str:
@@ -188,15 +183,14 @@ def rules_broken(rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -
         _rule_row(rule, found[rule], titles.get(rule, ""), most) for rule in broken[:SHOWN_RULES]
     )
     more = len(broken) - SHOWN_RULES
-    return (
-        '<section id="rules" aria-labelledby="rules-title"><h2 id="rules-title">Rules broken most</h2>'
+    return charts.section(
+        "rules", "Rules broken most",
         '<div class="scroll" tabindex="0" role="region" aria-label="Rules broken most"><table class="results rules">'
         '<thead><tr><th scope="col">Rule</th><th scope="col">Asks</th><th scope="col" class="amount">Violated</th>'
         '<th scope="col"><span class="visually-hidden">Share</span></th>'
-        f'<th scope="col" class="amount">Undecided</th></tr></thead><tbody>{body}</tbody></table></div>'
-        + (f'<p class="small soft">{more} more rules were violated.</p>' if more > 0 else "")
-        + "</section>"
-    )
+        f'<th scope="col" class="amount">Undecided</th></tr></thead><tbody>{body}</tbody></table></div>',
+        f'<p class="small soft">{more} more rules were violated.</p>' if more > 0 else "",
+    )  # fmt: skip
 
 
 def _rule_row(rule: str, counts: Counter[str], title: str, most: int) -> str:
@@ -219,57 +213,53 @@ SHOWN_METRICS = ("VR", "USR", "SSR", "SR")
 
 def heatmap(aggregate: Aggregate) -> str:
     """A table with a row per task, the stages one after another, the worst tasks first."""
-    cells: dict[tuple[str, str], dict[tuple[str, str], list[Rates]]] = defaultdict(
-        lambda: defaultdict(list)
-    )
-    for (policy, prompt, stage, _, task, _), cell in aggregate.base.items():
-        cells[stage, task or "–"][policy, prompt].append(cell)
     pairs = aggregate.pairs
-    summed = {
-        row: {pair: total(parts) for pair, parts in own.items()} for row, own in cells.items()
-    }
-    whole = {row: total(own.values()) for row, own in summed.items()}
+    found: dict[tuple[str, str], dict[tuple[str, str], list[Rates]]] = {}
+    for (policy, prompt, stage, _, task, _), cell in aggregate.base.items():
+        own = found.setdefault((stage, task or "–"), {})
+        own.setdefault((policy, prompt), []).append(cell)
+    whole = {row: total(chain(*own.values())) for row, own in found.items()}
 
     def order(row: tuple[str, str]) -> tuple[int, float, str]:
         stage = STAGES.index(row[0]) if row[0] in STAGES else len(STAGES)
         return stage, -(whole[row].bounds("VR") or (0.0,))[0], row[1]
 
-    body, above = [], None
-    for row in sorted(summed, key=order):
-        stage, task = row
-        if stage != above:
-            body.append(
-                f'<tr class="group"><th scope="rowgroup" colspan="{len(pairs) + 2}">{escape(stage)}</th></tr>'
-            )
-            above = stage
-        data = "".join(
-            _cell(summed[row].get(pair), task=task, policy=pair[0], prompt=pair[1])
-            for pair in pairs
-        )
+    body = []
+    for stage, rows in groupby(sorted(found, key=order), key=lambda row: row[0]):
         body.append(
-            f'<tr><th scope="row">{escape(task)}</th>{_cell(whole[row], task=task)}{data}</tr>'
+            f'<tr class="group"><th scope="rowgroup" colspan="{len(pairs) + 2}">{escape(stage)}</th></tr>'
         )
-    spans: dict[str, int] = defaultdict(int)
-    for policy, _ in pairs:
-        spans[policy] += 1
+        for row in rows:
+            cells = [_cell(whole[row], task=row[1])]
+            for policy, prompt in pairs:
+                parts = found[row].get((policy, prompt))
+                cells.append(
+                    _cell(
+                        None if parts is None else total(parts),
+                        task=row[1],
+                        policy=policy,
+                        prompt=prompt,
+                    )
+                )
+            body.append(f'<tr><th scope="row">{escape(row[1])}</th>{"".join(cells)}</tr>')
     top = "".join(
-        f'<th scope="colgroup" colspan="{count}">{escape(policy)}</th>'
-        for policy, count in spans.items()
+        f'<th scope="colgroup" colspan="{number}">{escape(policy)}</th>'
+        for policy, number in Counter(policy for policy, _ in pairs).items()
     )
     second = "".join(f'<th scope="col">{escape(prompt)}</th>' for _, prompt in pairs)
     choices = "".join(
         f'<button type="button" data-metric="{m}" aria-pressed="{str(m == SHOWN_METRICS[0]).lower()}">{m}</button>'
         for m in SHOWN_METRICS
     )
-    return (
-        '<section id="heatmap" aria-labelledby="heatmap-title"><h2 id="heatmap-title">Tasks</h2>'
-        f'<p class="soft"><span id="heatmap-what">Violation rate</span> of each task in percent; '
+    return charts.section(
+        "heatmap", "Tasks",
+        '<p class="soft"><span id="heatmap-what">Violation rate</span> of each task in percent; '
         "within a stage, the tasks with most violations first. A cell leads to its episodes.</p>"
         f'<div class="choices no-print" role="group" aria-label="Rate">{choices}</div>'
         '<div class="scroll tall" tabindex="0" role="region" aria-label="Rates by task"><table class="heat">'
         f'<thead><tr><th scope="col" rowspan="2">Task</th><th scope="col" rowspan="2">All</th>{top}</tr>'
-        f"<tr>{second}</tr></thead><tbody>{''.join(body)}</tbody></table></div></section>"
-    )
+        f"<tr>{second}</tr></thead><tbody>{''.join(body)}</tbody></table></div>",
+    )  # fmt: skip
 
 
 def _cell(cell: Rates | None, **where: str) -> str:
