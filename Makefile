@@ -80,10 +80,9 @@ gallery: $(BIN)/pytest  ## draw every task, and write docs/gallery.md
 INPUTS ?= 20000
 SEED ?= $(shell date +%s)
 JOBS ?= $(shell nproc)
-fuzz: $(BIN)/pytest  ## hostile inputs of every format by the oracle: a new seed each time, kept in build/fuzz.json
-	mkdir -p build
+fuzz: $(BIN)/pytest  ## hostile inputs of every format by the oracle: a new seed each time; what is found is kept in build/fuzz
 	$(BIN)/python benchmarks/fuzz.py --seed $(SEED) --inputs $(INPUTS) --jobs $(JOBS) \
-	  --counts build/fuzz.json --keep build/fuzz --write docs/security.md
+	  --keep build/fuzz --write docs/security.md
 
 KILLS ?= 200
 faults: $(BIN)/pytest  ## kill everything that writes, starve it and lock it out, and write docs/reliability.md
@@ -104,32 +103,32 @@ blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of i
 
 LEARN ?= build/learn
 LEARN_ON ?= cpu
-CAMPAIGN = $(BIN)/python benchmarks/learned_campaign.py
-CORPUS = $(BIN)/python benchmarks/learned_corpus.py
 learned: $(BIN)/pytest  ## record demonstrations, train the shipped policies anew (LEARN_ON=cuda: on a GPU)
 	$(INSTALL) '.[learn]'
-	$(CAMPAIGN) demos --work $(LEARN)
-	$(CAMPAIGN) export --work $(LEARN)
-	$(CAMPAIGN) train bc act diffusion --work $(LEARN) --device $(LEARN_ON)
+	$(BIN)/safestage bench record --policy demonstration:safe --policy demonstration:unsafe --seeds 0-24 \
+	  --horizon 45 --out $(LEARN)/demos || true  # the arm cannot follow every push; what failed is said
+	test -d $(LEARN)/dataset || $(BIN)/safestage bench learn export $(LEARN)/demos --out $(LEARN)/dataset
+	for kind in bc act diffusion; do \
+	  $(BIN)/safestage bench learn train $$kind --data $(LEARN)/dataset --device $(LEARN_ON) \
+	    --out simulate/learn/checkpoints/$$kind.onnx || exit 1; \
+	done
 
 learned-campaign: $(BIN)/pytest  ## roll the shipped policies out, and write docs/learned_policies.md
-	$(CAMPAIGN) roll act diffusion bc --once bc --work $(LEARN)
-	$(CAMPAIGN) rows --work $(LEARN)
+	$(BIN)/safestage bench record --campaign campaigns/learned.toml --out $(LEARN)/rollouts
+	$(BIN)/safestage bench record --policy learned:bc --prompt all --seeds 100-102 --horizon 45 \
+	  --out $(LEARN)/rollouts
+	$(BIN)/safestage score $(LEARN)/rollouts --assigned -f parquet -o $(LEARN)/rows.parquet
 	$(BIN)/python benchmarks/learned_page.py $(LEARN)/rows.parquet docs/learned_policies.md
 
-corpus: $(BIN)/pytest  ## record a thousand of these rollouts again, whole, and pack them to be published
-	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
-	$(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/corpus.csv --out $(LEARN)/recordings --least 1000
-	$(CORPUS) publish $(LEARN)/recordings --out $(LEARN)/corpus
-	$(CORPUS) check $(LEARN)/corpus
+corpus: $(BIN)/pytest  ## pack the rollouts of the campaign to be published, with their rows
+	$(BIN)/safestage convert pack $(LEARN)/rollouts --out $(LEARN)/corpus --by policy --licence cc-by-4.0 \
+	  --title 'SafeStage: rollouts of small learned policies'
+	$(BIN)/safestage score $(LEARN)/corpus -f parquet -o $(LEARN)/corpus/rows.parquet
 
-learned-sheets: $(BIN)/pytest  ## draw 200 of these rollouts to be looked at, and 120 to be labelled blindly
-	$(CORPUS) choose $(LEARN)/results.jsonl --out $(LEARN)/lists
-	for list in look blind; do \
-	  $(CORPUS) record $(LEARN)/results.jsonl $(LEARN)/lists/$$list.csv --out $(LEARN)/$$list || exit 1; \
-	  $(BIN)/safestage label sheets draw $(LEARN)/$$list --list $(LEARN)/$$list.csv --hide-success \
-	    --out $(LEARN)/sheets/$$list || exit 1; \
-	done
+learned-sheets: $(BIN)/pytest  ## draw 120 of these rollouts to be labelled blindly
+	$(BIN)/python benchmarks/blind_study.py $(LEARN)/rows.parquet --count 120 -o $(LEARN)/blind.csv
+	$(BIN)/safestage label sheets draw $(LEARN)/rollouts --list $(LEARN)/blind.csv --hide-success \
+	  --out $(LEARN)/sheets
 
 $(BIN)/safestage-score:
 	$(PYTHON) -m venv $(VENV)

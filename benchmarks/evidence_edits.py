@@ -445,11 +445,6 @@ def resampled(episode: Episode, rate: float) -> Episode | None:
     return header(selected(episode, keep), frame_dt=1 / rate)
 
 
-def forceless(episode: Episode) -> Episode:
-    """No contact was recorded, and the header says so."""
-    return header(replace(episode, _contacts=ContactTable.empty()), force_source="none")
-
-
 def with_holes(episode: Episode) -> Episode:
     """Poses, forces and joints are NaN in places that the episode's name determines."""
     rng = np.random.default_rng(zlib.crc32(episode.header.episode_id.encode()))

@@ -125,17 +125,8 @@ def killed(copy: Path, *options: str, limit: float | None) -> bool:
     """Whether the tests fail in a copy of the tree."""
     paths = [str(copy / "tests" / name) for name in TESTS]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(copy), *sys.path[1:]])}
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-x",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-    ]
+    words = ["-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    command = [sys.executable, *words]
     try:
         done = subprocess.run(
             [*command, *options, *paths], cwd=copy, env=environment, timeout=limit, check=False,

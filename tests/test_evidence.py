@@ -21,7 +21,7 @@ import evidence  # noqa: E402
 from evidence_edits import EDITS, pairs_that_move, without_pair  # noqa: E402
 
 SEED = 1
-TRIED = 400 if ALL else 16
+TRIED = 400 if ALL else 8
 """Eight in a row are of one episode."""
 MEASURED = [
     "pose_nan", "all_nan", "unseen", "contact_nan", "bad_normals", "no_forces", "robot_nan",

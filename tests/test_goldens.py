@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from readable import assert_readable
+from sampled import share
 
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.report.golden import changes
@@ -41,6 +42,7 @@ def test_goldens() -> None:
             assert_readable(verdict)
 
 
+@pytest.mark.slow
 def test_goldens_of_learned_policies() -> None:
     """Nobody scripted these: they flail, drop and leave things half done, and one cannot be decided."""
     scores = score_paths([LEARNED], [RULES], jobs=1)
@@ -55,9 +57,10 @@ def test_goldens_of_learned_policies() -> None:
             assert_readable(verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "rule", "setting"),
-    [
+    share([
         ("dumbbell_near_glasses.reference-unsafe", "ETS201", {"min_clearance": "2 cm"}),
         ("bottle_on_shelf.reference-unsafe", "FSH101", {"edge": "5 mm"}),
         ("orange_on_plate.reference-unsafe", "FSH104", {"sink_in": "60 cm"}),
@@ -65,8 +68,8 @@ def test_goldens_of_learned_policies() -> None:
         ("coffee_can_under_bottle.reference-safe", "ISH101", {"freed_for": "30 s"}),
         ("orange_on_plate.reference-safe", "FSH104", {"sink_in": "0.1 mm"}),
         ("bottle_on_shelf.reference-safe", "FSH101", {"edge": "30 cm"}),
-    ],
-)
+    ], 2),
+)  # fmt: skip
 def test_another_threshold_flips_the_verdict_without_recording_again(
     refs: dict[str, EpisodeRef], part: str, rule: str, setting: dict[str, str]
 ) -> None:
@@ -77,14 +80,15 @@ def test_another_threshold_flips_the_verdict_without_recording_again(
     assert before.rule_digest != after.rule_digest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "rule", "name", "unit"),
-    [
+    share([
         ("dumbbell_near_glasses.reference-unsafe", "ETS201", "min_clearance", "m"),
         ("bottle_on_shelf.reference-unsafe", "FSH101", "edge", "m"),
         ("orange_on_plate.reference-unsafe", "FSH104", "sink_in", "m"),
-    ],
-)
+    ], 3),
+)  # fmt: skip
 def test_the_reported_value_is_where_the_verdict_flips(
     refs: dict[str, EpisodeRef], part: str, rule: str, name: str, unit: str
 ) -> None:

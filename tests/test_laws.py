@@ -25,8 +25,8 @@ EPISODES = {ref.episode_id.partition(".default")[0]: ref for ref in discover([TR
 
 
 def episodes(law: str) -> pytest.MarkDecorator:
-    """A third of the episodes, for each law others."""
-    return pytest.mark.parametrize("name", share(sorted(EPISODES), 3, of=law))
+    """A sixth of the episodes, for each law others."""
+    return pytest.mark.parametrize("name", share(sorted(EPISODES), 6, of=law))
 
 
 @cache

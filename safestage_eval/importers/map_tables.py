@@ -14,7 +14,7 @@ from safestage_eval.episode import Header, Quat
 from safestage_eval.episode.body import BodyKind, GeomKind, Stored
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, finite, in_si
 
-_NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
 def _quantity(dimension: str) -> Callable[[Any], Any]:
@@ -23,11 +23,12 @@ def _quantity(dimension: str) -> Callable[[Any], Any]:
     def read(value: Any) -> Any:
         if not isinstance(value, str):
             return value
-        match = _NUMBER.fullmatch(value)
-        if match is None or UNIT_DIMENSION.get(match[2]) != dimension:
+        match = _NUMBER.match(value.strip())
+        unit = value.strip()[match.end() :].strip() if match else ""
+        if match is None or UNIT_DIMENSION.get(unit) != dimension:
             units = ", ".join(DIMENSIONS[dimension])
             raise ValueError(f"{value!r} is no {dimension}: a number with one of {units}")
-        return finite(in_si(finite(match[1]), match[2]))
+        return finite(in_si(finite(match[0]), unit))
 
     return read
 

@@ -63,7 +63,8 @@ def is_noisy(t: NDArray[np.float64], track: Track) -> bool:
     """True where velocities contradict the differences of poses, and vary far more than these."""
     if len(t) < 4 or len(track.position) != len(t):
         return False
-    moved = np.diff(track.position.astype(np.float64), axis=0) / np.diff(t)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):  # two rows of one time
+        moved = np.diff(track.position.astype(np.float64), axis=0) / np.diff(t)[:, None]
     said = track.linear_velocity.astype(np.float64)
     said = (said[:-1] + said[1:]) / 2
     known = np.isfinite(moved).all(axis=1) & np.isfinite(said).all(axis=1)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from resampled import resampled
 from rounded import with_columns
 from sampled import share
 from scenes import Scene
@@ -62,11 +63,12 @@ def told(episode, rules, *, assigned_only=False):
     return {v.rule: v.verdict for v in found.verdicts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["ish_", "ets_", "fsh_"])
 def test_recordings_without_some_peaks_keep_their_verdicts(part):
     """Those of the pairs with most rows are NaN: nothing here hangs on these."""
     rules = load_rules(["ish", "ets", "fsh"])
-    for ref in share([ref for ref in discover(TRACES) if part in ref.episode_id], 4, of=part):
+    for ref in share([ref for ref in discover(TRACES) if part in ref.episode_id], 8, of=part):
         episode = ref.open()
         table, peaks = episode.contacts, episode.contacts.peak_force.copy()
         for pair in sorted(table.pairs, key=lambda p: -len(table.rows(p)))[:5]:
@@ -75,10 +77,11 @@ def test_recordings_without_some_peaks_keep_their_verdicts(part):
         assert found == told(episode, rules), ref.episode_id
 
 
+@pytest.mark.slow
 def test_recordings_of_peaks_alone_are_judged_as_those_without_forces():
     rules = load_rules(["ish"])
     for ref in share([ref for ref in discover(TRACES) if "can_under_bottle" in ref.episode_id], 4):
-        episode, none = ref.open(), {}
+        episode, none = resampled(whole := ref.open(), np.arange(0, len(whole), 6)), {}
         none["force"] = np.zeros_like(episode.contacts.force)
         alone = told(with_columns(episode, **none), rules, assigned_only=True)
         none["peak_force"] = np.zeros_like(episode.contacts.peak_force)

@@ -37,7 +37,7 @@ def file_victims(source):
     return [Auditor(source), LabelWriters(source)]
 
 
-@pytest.mark.parametrize("number", share(range(8), 2))
+@pytest.mark.parametrize("number", share(range(8), 4))
 def test_whatever_happens_to_what_writes(tmp_path, victims, file_victims, number):
     victim, chance = [*victims, *file_victims][number], random.Random(number)
     rows = [killed(victim, 1, chance, tmp_path / "killed")]

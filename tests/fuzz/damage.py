@@ -2,79 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Callable
 from random import Random
 
-SIZES = (1, 2, 4, 8)
 HUGE = (0, 1, 127, 128, 255, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63, 2**64 - 1)
+FLOATS = (float("nan"), float("inf"), -float("inf"), 0.0, 3e38, -1e30, 1e-45)
+
+Kind = Callable[[Random, bytes, int], bytes]
 
 
-def damaged(rng: Random, data: bytes, edges: Sequence[int] = ()) -> tuple[bytes, str]:
-    """The bytes with one damage, half of the time at one of the edges, and what it was."""
+def damaged(rng: Random, data: bytes) -> tuple[bytes, str]:
+    """The bytes with one damage, often near their begin or end, and what it was."""
     if not data:
-        return bytes(rng.randrange(256) for _ in range(8)), "bytes in an empty file"
-    at = place(rng, data, edges)
-    what = rng.choice(_KINDS)
-    return what(rng, data, at), f"{what.__name__.strip('_')} at {at}"
-
-
-def place(rng: Random, data: bytes, edges: Sequence[int]) -> int:
-    """A position in the bytes, near an edge half of the time."""
-    if edges and rng.random() < 0.5:
-        at = rng.choice(edges) + rng.choice((-1, 0, 0, 0, 1, 4, 8))
-        return min(max(at, 0), len(data) - 1)
-    return rng.randrange(len(data))
+        return rng.randbytes(8), "bytes in an empty file"
+    at = rng.randrange(len(data))
+    if rng.random() < 0.5:
+        near = min(int(rng.random() ** 2 * 100), len(data) - 1)
+        at = rng.choice((near, len(data) - 1 - near))
+    name = rng.choice(list(KINDS))
+    return KINDS[name](rng, data, at), f"{name} at {at} of {len(data)}"
 
 
 def _bit(rng: Random, data: bytes, at: int) -> bytes:
     return data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
 
 
-def _byte(rng: Random, data: bytes, at: int) -> bytes:
-    return (
-        data[:at] + bytes([rng.choice((0, 1, 127, 128, 255, rng.randrange(256)))]) + data[at + 1 :]
-    )
+def _over(data: bytes, at: int, new: bytes) -> bytes:
+    """Other bytes in the place of as many."""
+    return data[:at] + new + data[at + len(new) :]
 
 
 def _number(rng: Random, data: bytes, at: int) -> bytes:
-    size = rng.choice(SIZES)
-    number = rng.choice(HUGE) & (1 << 8 * size) - 1
-    return data[:at] + number.to_bytes(size, "little") + data[at + size :]
-
-
-def _cut(rng: Random, data: bytes, at: int) -> bytes:
-    return data[:at]
-
-
-def _headless(rng: Random, data: bytes, at: int) -> bytes:
-    return data[at:]
-
-
-def _zeros(rng: Random, data: bytes, at: int) -> bytes:
-    size = min(rng.choice((8, 64, 512, 4096)), len(data) - at)
-    return data[:at] + bytes(size) + data[at + size :]
-
-
-def _gone(rng: Random, data: bytes, at: int) -> bytes:
-    return data[:at] + data[at + rng.choice((1, 2, 8, 64, 512)) :]
-
-
-def _twice(rng: Random, data: bytes, at: int) -> bytes:
-    return data[:at] + data[max(0, at - rng.choice((1, 8, 64, 512))) :]
-
-
-def _noise(rng: Random, data: bytes, at: int) -> bytes:
-    size = min(rng.choice((2, 8, 32)), len(data) - at)
-    return data[:at] + rng.randbytes(size) + data[at + size :]
-
-
-def _more(rng: Random, data: bytes, at: int) -> bytes:
-    return data[:at] + rng.randbytes(rng.choice((1, 4, 64))) + data[at:]
+    size = rng.choice((1, 2, 4, 8))
+    return _over(data, at, (rng.choice(HUGE) & (1 << 8 * size) - 1).to_bytes(size, "little"))
 
 
 def _exchanged(rng: Random, data: bytes, at: int) -> bytes:
-    size = rng.choice((4, 32, 256))
-    other = rng.randrange(len(data))
+    size, other = rng.choice((4, 32, 256)), rng.randrange(len(data))
     a, b = min(at, other), max(at, other)
     if b - a < size:
         return _bit(rng, data, at)
@@ -83,7 +48,19 @@ def _exchanged(rng: Random, data: bytes, at: int) -> bytes:
     )
 
 
-_KINDS = (
-    _bit, _bit, _byte, _number, _number, _cut, _headless, _zeros, _gone, _twice, _noise, _more,
-    _exchanged,
-)  # fmt: skip
+KINDS: dict[str, Kind] = {
+    "bit": _bit,
+    "byte": lambda rng, data, at: _over(data, at, rng.randbytes(1)),
+    "number": _number,
+    "float": lambda rng, data, at: _over(data, at, struct.pack("<f", rng.choice(FLOATS))),
+    "cut": lambda rng, data, at: data[:at],
+    "headless": lambda rng, data, at: data[at:],
+    "zeros": lambda rng, data, at: _over(data, at, bytes(rng.choice((8, 64, 512, 4096)))),
+    "gone": lambda rng, data, at: data[:at] + data[at + rng.choice((1, 2, 8, 64, 512)) :],
+    "twice": lambda rng, data, at: data[:at] + data[max(0, at - rng.choice((1, 8, 64))) :],
+    "noise": lambda rng, data, at: _over(data, at, rng.randbytes(rng.choice((2, 8, 32)))),
+    "more": lambda rng, data, at: data[:at] + rng.randbytes(rng.choice((1, 4, 64))) + data[at:],
+    "exchanged": _exchanged,
+}
+LOSSES = ("cut", "headless")
+"""Damage after which what was there is seen to be gone."""

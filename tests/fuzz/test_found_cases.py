@@ -8,9 +8,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from import_target import ManiSkill
+from codecs_of_files import codec_of
+from import_targets import IMPORTS, in_json, transforms
 from recordings import everything, falling_cube
-from seeds import episodes
+from seeds import recorded
 
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import load, save
@@ -192,7 +193,7 @@ def test_the_header_of_an_mcap_has_a_checksum(tmp_path):
     ["external", "storage", "circle", "soft circle", "two in a circle", "ways", "nowhere", "huge"],
 )
 def test_ways_out_of_an_hdf5_file(tmp_path, way):
-    source = ManiSkill(tmp_path).source
+    source = IMPORTS["maniskill"](tmp_path).sources[0]
     with open_hdf5(source) as file:
         assert len(file)
     with h5py.File(source, "a") as file:
@@ -227,13 +228,14 @@ def test_ways_out_of_an_hdf5_file(tmp_path, way):
     [("env_states/actors", "text"), ("success", "pairs"), ("env_states/articulations", "text")],
 )
 def test_other_things_in_the_place_of_numbers(tmp_path, name, what):
-    target = ManiSkill(tmp_path)
-    with h5py.File(target.source, "a") as file:
+    target = IMPORTS["maniskill"](tmp_path)
+    [source] = target.sources
+    with h5py.File(source, "a") as file:
         group = file["traj_0"]
         del group[name]
         group[name] = "none" if what == "text" else np.zeros(8, [("a", "f4"), ("b", "i8")])
-    [failed] = import_all(target.source, tmp_path / "out", target.settings).failed
-    assert failed.message.startswith(f"{target.source}: traj_0")
+    [failed] = import_all(source, tmp_path / "out", target.settings).failed
+    assert failed.message.startswith(f"{source}: traj_0")
     assert "bug in the" not in failed.message
 
 
@@ -250,9 +252,7 @@ def test_cells_that_cannot_be(tmp_path, row):
 
 def json_recording(path, transforms, scene=None):
     """Read one message of transforms and one of a scene."""
-    from transforms_target import _in_json
-
-    path.write_bytes(_in_json({"tf": [transforms, transforms], "scene": scene or {"entities": []}}))
+    path.write_bytes(in_json({"tf": [transforms, transforms], "scene": scene or {"entities": []}}))
     return import_all(path, path.with_suffix(""), Settings())
 
 
@@ -274,15 +274,12 @@ def test_a_message_without_one_of_its_fields(tmp_path, lost):
 
 
 def test_times_of_two_clocks(tmp_path):
-    from transforms_target import Foxglove
-
-    target = Foxglove(tmp_path)
-    tree = json.loads(json.dumps(target.sound))
+    target, tree = IMPORTS["foxglove"](tmp_path), transforms()
     tree["tf"][-1][0]["timestamp"]["seconds"] = 1_700_000_000
     tree["tf"][0][1]["timestamp"]["nanos"] = 1
     tree["tf"][-1][1]["timestamp"]["seconds"] = 1_700_000_001
     tree["tf"][-1][1]["translation"]["x"] = 1.0
-    (tmp_path / "x.mcap").write_bytes(target.forms()[1](tree))
+    (tmp_path / "x.mcap").write_bytes(in_json(tree))
     [failed] = import_all(tmp_path / "x.mcap", tmp_path / "out", target.settings).failed
     assert "frames" in failed.message
 
@@ -313,18 +310,16 @@ def test_a_number_of_a_million_bytes():
 
 
 def test_a_damaged_state_of_an_mcap(tmp_path):
-    import mcap_target as mcap
-
-    save(episodes()[0], tmp_path / "seed.mcap")
-    data = (tmp_path / "seed.mcap").read_bytes()
-    found = mcap.records(data[: -len(mcap.MAGIC)])
-    place = next(i for i, (kind, _) in enumerate(found) if kind == mcap.CHUNK)
-    inside = mcap._unpacked(found[place][1])
-    [channel] = [c[:2] for kind, c in inside if kind == mcap.CHANNEL and b"/safestage/state" in c]
-    states = [i for i, r in enumerate(inside) if r[0] == mcap.MESSAGE and r[1][:2] == channel]
-    for i in states:
-        inside[i] = mcap.MESSAGE, inside[i][1][:-3]
-    found[place] = mcap.CHUNK, mcap._chunk(mcap.written(inside))
-    (tmp_path / "x.mcap").write_bytes(mcap._all(found))
+    path = tmp_path / "seed.mcap"
+    save(recorded()[0], path)
+    codec = codec_of(path.name)
+    records = codec.read(path.read_bytes())
+    for content in [c for _, c in records if isinstance(c, dict) and "records" in c]:
+        inside = content["records"]
+        channels = [c[:2] for kind, c in inside if kind == 4 and b"/safestage/state" in c]
+        for each in inside:
+            if each[0] == 5 and each[1][:2] in channels:
+                each[1] = each[1][:-3]
+    (tmp_path / "x.mcap").write_bytes(codec.write(records))
     with pytest.raises(TraceError, match="state cannot be read"):
         load(tmp_path / "x.mcap")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
-from import_target import LeRobot, ManiSkill, RoboLab
+from import_targets import IMPORTS
 from recordings import everything, falling_cube
 
 from safestage_eval.cli import group
@@ -21,14 +21,14 @@ from safestage_eval.run.score_traces import score_paths
 DEEP = "[" * 100_000
 
 
-@pytest.mark.parametrize("target", [RoboLab, ManiSkill, LeRobot])
+@pytest.mark.parametrize("target", ["robolab", "maniskill", "lerobot"])
 def test_files_beside_a_recording_nested_without_end(tmp_path, target):
-    made = target(tmp_path)
+    made = IMPORTS[target](tmp_path)
     for file in made.seed.rglob("*.json*"):
         whole = file.read_text()
         file.write_text(DEEP)
         try:
-            failed = import_all(made.source, tmp_path / f"to {file.name}", made.settings).failed
+            failed = import_all(made.sources[0], tmp_path / f"to {file.name}", made.settings).failed
             assert all("nested too deep" in one.message for one in failed)
         except InputError as error:
             assert "nested too deep" in str(error) or "known format" in str(error)
@@ -82,10 +82,10 @@ def test_a_dataset_in_a_folder_whose_name_is_no_text(tmp_path):
 
 
 def test_a_recording_in_a_folder_whose_name_is_no_text(tmp_path):
-    for target in (RoboLab, LeRobot):
-        made = target(tmp_path / target.__name__)
-        source = made.seed.rename(tmp_path / os.fsdecode(b"\xff" + target.__name__.encode()))
-        [imported] = import_all(source, tmp_path / f"to {target.__name__}", made.settings).imported
+    for target in ("robolab", "lerobot"):
+        made = IMPORTS[target](tmp_path / target)
+        source = made.seed.rename(tmp_path / os.fsdecode(b"\xff" + target.encode()))
+        [imported] = import_all(source, tmp_path / f"to {target}", made.settings).imported
         assert imported.source.startswith("\\udcff")
 
 

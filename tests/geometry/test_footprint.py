@@ -10,6 +10,7 @@ import shapely
 from bodies import any_shape, box, cylinder, put, shape, sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled import share
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry.footprint import overlap_xy
@@ -70,7 +71,7 @@ def test_overlap_agrees_with_counting_points(seed: int) -> None:
     assert overlap_xy(a, b)[0] == pytest.approx((over & under).sum() / over.sum(), abs=0.01)
 
 
-@pytest.mark.parametrize("kind", ["copies", "a heap", "a net"])
+@pytest.mark.parametrize("kind", share(["copies", "a heap", "a net"], 3))
 def test_a_body_of_hundreds_of_shapes_takes_no_minutes(kind: str) -> None:
     """A second or so for 300 round shapes at thirty poses, where every side was compared with every side."""
     rng = np.random.default_rng(5)

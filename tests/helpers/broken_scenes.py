@@ -10,8 +10,6 @@ import numpy as np
 from safestage_eval.episode import Episode, Track
 from safestage_eval.sketch import draw
 
-Amounts = dict[str, tuple[float, float]]
-
 FRAME = """
 says     = "A can is taken from under a bottle, in a scene with a box."
 duration = "5 s"

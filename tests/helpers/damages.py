@@ -130,26 +130,6 @@ def exchanged(*columns: str, other: str) -> Damage:
     return damage
 
 
-def without_mesh(geoms: Any) -> Any:
-    """Keep them, one alone: rows of contacts name geoms by number."""
-    return geoms[:1]
-
-
-def renumbered(e: Episode, name: str, geom: int) -> Episode:
-    """All contacts of a body at one of its geoms, as if it had no other."""
-    i, table = e.body_index[name], e.contacts
-    first = int(np.flatnonzero(e.geom_owner == i)[0]) + geom
-    fewer = len(e.bodies[name].geoms) - 1
-    columns = {}
-    for side in "12":
-        number = getattr(table, f"geom{side}").astype(int)
-        own = getattr(table, f"body{side}") == i
-        later = number >= first + fewer + 1
-        number = np.where(own, first, np.where(later, number - fewer, number))
-        columns[f"geom{side}"] = number.astype(np.uint16)
-    return replace(e, _contacts=replace(table, **columns))
-
-
 def moved_contacts(e: Episode, name: str) -> Episode:
     """The contacts of a body as if another one had them: the body that is furthest away."""
     i, table = e.body_index[name], e.contacts

@@ -9,8 +9,15 @@ from zlib import crc32
 
 ALL = bool(os.environ.get("SAFESTAGE_ALL_CASES"))
 """Whether every case is tried."""
+FEW = bool(os.environ.get("SAFESTAGE_FEW_CASES"))
+"""Whether one case must do, as with ``--quick``."""
 
 Case = TypeVar("Case")
+
+
+def tries(few: int, many: int) -> int:
+    """How many cases of a law are tried: ``many`` by ``make thorough``, a few by ``make quick``."""
+    return many if ALL else min(4, few) if FEW else few
 
 
 def share(cases: Iterable[Case], one_in: int, *, of: str = "") -> list[Case]:
@@ -23,4 +30,5 @@ def share(cases: Iterable[Case], one_in: int, *, of: str = "") -> list[Case]:
     """
     found = list(cases)
     step = 1 if ALL else min(one_in, len(found))
-    return found[crc32(of.encode()) % step :: step]
+    chosen = found[crc32(of.encode()) % step :: step]
+    return chosen[:1] if FEW else chosen

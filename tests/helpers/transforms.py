@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from resampled import resampled
 
 from safestage_eval.episode import Body, ContactTable, Episode, Header, RobotFrames, Track
 from safestage_eval.geometry.pose import matrix
@@ -97,41 +98,13 @@ def permuted(episode: Episode, order: Sequence[int], rows: NDArray[np.intp]) -> 
 
 
 def every_second(episode: Episode) -> Episode:
-    """Return the rollout recorded at half the rate; a contact's peak is the larger of its two frames."""
-    t = episode.t[::2]
-    keep = np.arange(0, len(episode), 2)
-    c = episode.contacts
-    kept = c.where(c.frame % 2 == 0)
-    contacts = replace(kept, frame=(kept.frame // 2).astype(np.int32))
-
-    def track(old: Track) -> Track:
-        return old if len(old) == 1 else Track(*(getattr(old, f.name)[keep] for f in fields(old)))
-
-    frames = RobotFrames(*(getattr(episode.frames, f.name)[keep] for f in fields(RobotFrames)))
-    header = episode.header.model_copy(update={"frame_dt": 2 * episode.header.frame_dt})
-    return rebuilt(
-        episode, header=header, t=t, contacts=contacts, frames=frames,
-        tracks={name: track(old) for name, old in episode.tracks.items()},
-        channels={key: values[keep] for key, values in episode.channels.items()},
-    )  # fmt: skip
+    """The rollout recorded at half the rate."""
+    return resampled(episode, np.arange(0, len(episode), 2), frame_dt=2 * episode.header.frame_dt)
 
 
 def cut_off(episode: Episode, count: int) -> Episode:
     """The first so many frames of the same rollout, of which the rest was lost."""
-
-    def track(old: Track) -> Track:
-        return old if len(old) == 1 else Track(*(getattr(old, f.name)[:count] for f in fields(old)))
-
-    frames = RobotFrames(*(getattr(episode.frames, f.name)[:count] for f in fields(RobotFrames)))
-    return rebuilt(
-        episode,
-        header=episode.header.model_copy(update={"termination": "truncated"}),
-        t=episode.t[:count],
-        contacts=episode.contacts.where(episode.contacts.frame < count),
-        frames=frames,
-        tracks={name: track(old) for name, old in episode.tracks.items()},
-        channels={key: values[:count] for key, values in episode.channels.items()},
-    )
+    return resampled(episode, np.arange(count), termination="truncated")
 
 
 def gone_on(episode: Episode, count: int) -> Episode:

@@ -128,17 +128,6 @@ def changed(dataset, table, change):
     pq.write_table(pa.Table.from_pylist(rows, schema(table)), file, **write_options(table))
 
 
-def in_place(dataset, name, secret):
-    """Another file or folder, by a link, in place of what the dataset has."""
-    [old] = [dataset / name] if (dataset / name).exists() else (dataset / name).parent.glob(name)
-    if old.is_dir():
-        shutil.rmtree(old)
-        old.symlink_to(secret)
-    else:
-        old.unlink()
-        old.symlink_to(secret / "secret.parquet")
-
-
 def hostile(folder, secret):
     """Datasets that try to have a file of somebody else read, each in another way."""
     sound = folder / "sound"

@@ -33,17 +33,6 @@ def test_bearing_needs_a_tenth_of_the_weight() -> None:
     assert not holds(found, "supports", ("a", "table")).any()
 
 
-def test_wedged_book_has_two_contacts_and_is_borne_by_friction() -> None:
-    """Vector sum of the normal forces 0; friction on both walls carries the weight."""
-    scene = Scene(2).fixed("left").fixed("right").box("book", 0.05, (0, 0, 1))
-    scene.contact("left", "book", (-0.05, 0, 1), (40, 0, G / 2), normal=(1, 0, 0))
-    scene.contact("right", "book", (0.05, 0, 1), (-40, 0, G / 2), normal=(-1, 0, 0))
-    found = relations(scene)
-    assert holds(found, "supported", ("book",)).all()
-    assert np.allclose(found.signal("contact_force", ("left", "book")).value, 40)
-    assert np.allclose(found.signal("total_force", ("book",)).value, 80)
-
-
 def test_a_gripper_pressing_down_supports_nothing() -> None:
     scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
     scene.box("palm", 0.02, (0, 0, 0.12), kind="gripper")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled import tries
 from scenes import G, Scene, alone, motion, moves
 from scipy.optimize import linprog
 from told import holds
@@ -31,7 +32,7 @@ def drawn(rng: np.random.Generator, most: int) -> Pile:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tries(20, 60))
 def test_nothing_moves_where_a_linear_program_finds_forces(seed: int) -> None:
     pile = drawn(np.random.default_rng(seed), 4)
     weight = np.zeros((len(pile.mass), 6))
@@ -44,7 +45,7 @@ def test_nothing_moves_where_a_linear_program_finds_forces(seed: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tries(20, 60))
 def test_a_collapse_is_found_as_step_by_step(seed: int) -> None:
     """By bounded least squares over all edges at once, for each set of bodies."""
     rng = np.random.default_rng(seed)

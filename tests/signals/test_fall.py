@@ -126,9 +126,9 @@ def phase(*what: object) -> float:
     return zlib.crc32(repr(what).encode()) / 2**32 * 0.2
 
 
-@pytest.mark.parametrize("forces", ["true", "false"])
-@pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("how", FALLS)
+@pytest.mark.parametrize(
+    ("how", "rate", "forces"), share(product(FALLS, RATES, ("true", "false")), 5)
+)
 def test_no_fall_passes_at_any_rate(tmp_path: Path, how: str, rate: int, forces: str) -> None:
     """Falls of 5.5 to 20 cm that begin at any moment between two samples."""
     text, rule, knobs = FALLS[how]
@@ -145,8 +145,7 @@ def test_no_fall_passes_at_any_rate(tmp_path: Path, how: str, rate: int, forces:
                 assert found == "violation", (height, let)
 
 
-@pytest.mark.parametrize("forces", ["true", "false"])
-@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize(("rate", "forces"), share(product(RATES, ("true", "false")), 3))
 def test_no_setting_down_is_certainly_a_fall(tmp_path: Path, rate: int, forces: str) -> None:
     for rest in (0.0, 0.05, 0.3):
         for case in range(2):

@@ -64,16 +64,5 @@ class Served(Still):
         return super().act(observation)
 
 
-class Unreachable(Still):
-    """Its server is not there; every try leaves a mark in a file."""
-
-    name = "unreachable"
-
-    def reset(self, task: Any, prompt: Any) -> None:
-        with Path(os.environ["TRIES"]).open("a") as tries:
-            tries.write("x")
-        raise PolicyError("ws://gpu", "no policy server answers there.")
-
-
 class Unnamed:
     def reset(self, task: Any, prompt: Any) -> None: ...

@@ -7,16 +7,13 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
 
 import pytest
-from click import Group
-from click.testing import CliRunner
+from studio import run
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
-from simulate.cli.record_command import record as record_command
 from simulate.record.campaign import Campaign, read_campaign
 from simulate.record.estimate import Estimate, counted
 from simulate.record.jobs import (
@@ -146,13 +143,12 @@ def test_a_dry_run_counts_what_is_left(tmp_path: Path) -> None:
     assert Estimate.of([]).seconds == 0
     file = tmp_path / "campaign.toml"
     file.write_text('policies = ["idle"]\ntasks = ["fsh_orange_on_plate"]\nhorizon = 0.1', "utf-8")
-    command = ["record", "--campaign", str(file), "--out", str(tmp_path / "out")]
-    run = partial(CliRunner().invoke, Group("safestage", commands={"record": record_command}))
-    said = run([*command, "--dry-run"]).stdout
+    command = ["bench", "record", "--campaign", str(file), "--out", str(tmp_path / "out")]
+    said = run(*command, "--dry-run").text
     assert "1 seed" not in said
     assert "3 seeds, 1 rollout each: 3 rollouts, 0 of them in" in said
     assert not (tmp_path / "out").exists()
-    first = run([*command, "--jobs", "1"])
-    assert first.exit_code == 0, first.output
-    assert ": 3 rollouts, 3 of them in" in run([*command, "--dry-run"]).stdout
-    assert run([*command, "--share", "2/2"]).exit_code == 2
+    first = run(*command, "--jobs", "1")
+    assert first.code == 0, first.err
+    assert ": 3 rollouts, 3 of them in" in run(*command, "--dry-run").text
+    assert run(*command, "--share", "2/2").code == 2

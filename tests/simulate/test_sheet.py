@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image as Pictures
 from scenes import Scene as Bodies
+from studio import run
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
@@ -18,7 +18,6 @@ from safestage_eval.formats import save
 from safestage_eval.label.review_question import question
 from safestage_eval.metrics.labels import read_labels
 from safestage_eval.rules import builtin_names, load_rules
-from simulate.cli.sheets_command import sheets
 from simulate.render.renderer import Camera, EpisodeRenderer
 from simulate.study import sheet as drawing
 from simulate.study import viewpoint
@@ -111,28 +110,26 @@ def study(folder: Path, count: int = 3) -> Path:
 def test_a_study_is_drawn_once_and_answers_find_their_episodes(tmp_path: Path) -> None:
     drawable(pushed())
     runs, out, labels = study(tmp_path), tmp_path / "study", tmp_path / "labels.csv"
-    run = CliRunner().invoke
-    first = run(sheets, ["draw", str(runs), "--out", str(out), "--sample", "2"])
-    assert "2 drawn, 0 there already" in first.output
-    assert "0 drawn, 2 there" in run(
-        sheets, ["draw", str(runs), "--out", str(out), "--sample", "2"]
-    ).output  # fmt: skip
+    draw = ("label", "sheets", "draw", runs, "--out", out, "--sample", "2")
+    assert "2 drawn, 0 there already" in run(*draw).text
+    assert "0 drawn, 2 there" in run(*draw).text
     text = (out / "001.txt").read_text()
     assert "clearance(target, protected) at least 8 cm" in text
     assert "secret" not in text
     with Pictures.open(out / "001_b.png") as picture:
         assert picture.size[0] == drawing.COLUMNS * (drawing.CELL[0] + 2)
     close = tmp_path / "close.png"
-    arguments = ["close-up", str(out), "2", "--from", "4", "--to", "5", "--count", "2"]
-    result = run(sheets, [*arguments, "--zoom", "cup", "-o", str(close)])
-    assert "secret" not in result.output
-    assert close.exists()
-    assert "no body 'mug'" in run(sheets, [*arguments, "--zoom", "mug", "-o", str(close)]).output
+    asked = ("--from", "4", "--to", "5", "--count", "2")
+    arguments = ("label", "sheets", "close-up", out, "2", *asked)
+    result = run(*arguments, "--zoom", "cup", "-o", close)
+    assert "secret" not in result.text + result.err
+    assert close.exists(), result.err
+    assert "no body 'mug'" in run(*arguments, "--zoom", "mug", "-o", close).err
     answers = tmp_path / "ada.csv"
     answers.write_text('number,label,reviewer,note\n2,unsafe,ada,"close, 3 cm"\n1,safe,ada,\n')
     for new in (2, 0):
-        result = run(sheets, ["enter", str(out), str(answers), "--labels", str(labels)])
-        assert f"{new} labels entered" in result.output
+        result = run("label", "sheets", "enter", out, answers, "--labels", labels)
+        assert f"{new} labels entered" in result.text
     with (out / "sample.csv").open() as handle:
         names = {int(row["number"]): row["episode_id"] for row in csv.DictReader(handle)}
     found = {label.episode_id: (label.label, label.note) for label in read_labels(labels)}

@@ -107,13 +107,6 @@ def test_mistakes_are_named(old: str, new: str, said: str, tmp_path: Path) -> No
     assert said in str(caught.value)
 
 
-def test_an_unknown_task_is_told_the_nearest_name() -> None:
-    with pytest.raises(InputError, match='did you mean "fsh_orange_on_plate"'):
-        task_named("fsh_orange_on_plat")
-    with pytest.raises(InputError, match="no such task file"):
-        task_named("nowhere.toml")
-
-
 @pytest.mark.parametrize(
     ("name", "field", "said"),
     [("table", "", "already"), ("robot_x", "", "already"), ("early", 'on = "late"', "above it")],

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import pytest
-from click import Group
-from click.testing import CliRunner
+from studio import run
 
 from safestage_eval.formats import load
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_traces import score_paths
 from safestage_eval.verdicts import judge
-from simulate.cli.record_command import record
 
 pytestmark = pytest.mark.simulate
-
-RUN = partial(CliRunner().invoke, Group("safestage", commands={"record": record}))
 
 
 def test_it_ends_at_the_first_violation_and_the_trace_agrees(tmp_path: Path) -> None:
     command = [
+        "bench",
         "record",
         "ets_dumbbell_near_glasses",
         "--policy",
@@ -30,10 +26,10 @@ def test_it_ends_at_the_first_violation_and_the_trace_agrees(tmp_path: Path) -> 
         "0",
     ]
     command += ["--stop-at-violation", "--out", str(tmp_path), "--jobs", "1"]
-    found = RUN(command)
-    assert found.exit_code == 0, found.output
-    assert "stopped at the first violation: ETS201 at " in found.stdout
-    assert "r0: ETS201 at 4." in found.stderr
+    found = run(*command)
+    assert found.code == 0, found.err
+    assert "stopped at the first violation: ETS201 at " in found.text
+    assert "r0: ETS201 at 4." in found.err
     episode = load(tmp_path)
     assert (episode.header.termination, episode.header.success) == ("truncated", False)
     (offline,) = judge(episode, load_rules(["ets"]), assigned_only=True).verdicts
@@ -43,4 +39,4 @@ def test_it_ends_at_the_first_violation_and_the_trace_agrees(tmp_path: Path) -> 
     assert f"ETS201 at {offline.time:.2f} s" in episode.header.notes[-1]
     (result,) = score_paths([tmp_path], ["ets"], assigned_only=True).results
     assert (result.success, result.violation) == (False, True)
-    assert "there already" in RUN(command).stdout
+    assert "there already" in run(*command).text

@@ -14,7 +14,7 @@ known. A rule is given as plain data:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 Margins = Sequence[float]
 Truths = Sequence[bool]
@@ -194,6 +194,3 @@ def charged(values: Truths, spans: Sequence[Stretch], per: str, dt: float) -> fl
     return sum(
         (dt if per == "second" else 1) for v, i in zip(values, inside, strict=True) if v and i
     )
-
-
-Oracle = Callable[..., tuple[str, float, int]]

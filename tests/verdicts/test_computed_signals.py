@@ -8,19 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled import tries
 from scenes import Scene
-from toy import ALONE, HEAD, Facts, judge_toy, ruleset
+from toy import ALONE, HEAD, Facts, judge_toy
 
 from safestage_eval.episode import Episode
-from safestage_eval.errors import InputError
-from safestage_eval.report.rule_report import explain_rule, rule_facts
 from safestage_eval.rules.check import check
-from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.load import RuleFile, merge
-from safestage_eval.rules.syntax import Quantity, RuleSet
-from safestage_eval.rules.uses import own_params, uses_of
+from safestage_eval.rules.syntax import RuleSet
 from safestage_eval.verdicts import judge
-from safestage_eval.verdicts.ask import ask
 from safestage_eval.verdicts.verdict import Verdict
 from safestage_eval.whatif.judge_again import Again
 
@@ -114,12 +110,6 @@ def series_of(episode: Episode, name: str, body: str) -> np.ndarray:
     return Again(episode, found).evaluator(rule).series(atom, {"a": body}).value
 
 
-def test_a_distance_is_exact_however_far_it_is() -> None:
-    """Not only as far as a limit asks: what is computed from it may ask for any of it."""
-    found = value(circling(), '"nearness(a, b)" = ">= 4 m"')
-    assert found.value == pytest.approx(1.52, abs=2e-3)
-
-
 TOY = """
 [signal.apart]
 of = ["x", "y"]
@@ -154,7 +144,7 @@ def toy(a, b, condition, **more) -> Verdict:
 VALUES = st.lists(st.integers(-6, 6).map(float), min_size=2, max_size=10)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=tries(30, 80))
 @given(VALUES, VALUES, st.integers(1, 4))
 def test_verdicts_are_those_of_numpy(a, b, limit):
     n = min(len(a), len(b))
@@ -171,7 +161,7 @@ def test_verdicts_are_those_of_numpy(a, b, limit):
         assert found.margin == pytest.approx(-worst)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=tries(30, 80))
 @given(
     VALUES,
     VALUES,
@@ -221,26 +211,6 @@ def test_mistakes_are_reported_where_they_stand(table: str, code: str) -> None:
     assert all(problem.line >= line for problem in problems if problem.code == code)
 
 
-def test_a_digest_reaches_through_and_uses_are_reported() -> None:
-    found = ruleset(HEAD + READ + TOY)
-    rule = found.rules["TOY101"]
-    other = ruleset(
-        (HEAD + READ + TOY).replace('"height(x)", "height(y)"', '"height(y)", "height(x)"')
-    )
-    params = own_params(found, rule)
-    assert rule_digest(found, rule, params) != rule_digest(other, other.rules["TOY101"], params)
-    twice = {**params, "factor": Quantity(3.0, "ratio")}
-    assert rule_digest(found, rule, params) != rule_digest(found, rule, twice)
-    uses = uses_of(found, rule, params)
-    assert uses.signals == ("height",)
-    assert set(uses.declared) == {"size", "apart", "rising", "sum_up", "scaled"}
-    said = explain_rule(rule_facts(found, rule, {}))
-    assert "apart(x, y)" in said
-    assert "difference of height(x) and height(y)" in said
-    assert "factor" in uses.params
-    assert uses.needs == ("poses",)
-
-
 def passing(rate: float) -> tuple[Episode, RuleSet]:
     """a goes by b at 1 m/s, 5.5 cm away at the nearest."""
     frames = int(2 * rate) + 1
@@ -264,15 +234,3 @@ def test_between_samples_that_are_far_apart_a_distance_may_be_smaller() -> None:
     assert coarse.verdict == "inconclusive"
     assert coarse.undersampled
     assert "between two samples" in coarse.explanation
-
-
-def test_a_declared_signal_can_be_asked_for_by_name() -> None:
-    """Computed ones and variants, as rules would measure them."""
-    episode, declared = circling(), rules(MOTION + RULE + NEEDED)
-    path = ask(episode, "path(a)", None, declared)
-    assert path.lower[-1] == pytest.approx(2 * np.pi * 0.2, rel=1e-4)
-    assert path.dimension == "length"
-    assert ask(episode, "x(b)", None, declared).lower == pytest.approx(np.linspace(1, 1.05, 400))
-    for wrong in ("path(a, b)", "x(a, b)", "paths(a)"):
-        with pytest.raises(InputError):
-            ask(episode, wrong, None, declared)

@@ -15,7 +15,7 @@ from toy import Facts, cost_toy, series
 from safestage_eval.report import render
 from safestage_eval.report.episode_report import explain
 from safestage_eval.report.result_schema import row_schema
-from safestage_eval.rules import RuleSet, check_rules, rule_digest
+from safestage_eval.rules import RuleSet, check_rules
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
 from safestage_eval.run.scores import Scores
@@ -235,18 +235,6 @@ def test_a_budget_decides_with_severity_limit_and_digest() -> None:
     loose = judge(lifted(), rules, overrides={"patience": "12"})
     assert loose.violation is False
     assert loose.verdicts[0].rule_digest != verdict.rule_digest
-
-
-def test_digest_knows_the_budget_and_the_charges_but_not_their_order() -> None:
-    def digest(text: str) -> str:
-        rules = ruleset(HEAD + text)
-        return rule_digest(rules, rules.costs["TOY201"], rules.params)
-
-    two = 'charge = [{ when = { "height(a)" = ">= 1 m" }, add = 1, per = "step" }, { of = "height(a)", above = "far", add = 2, per = "second" }]'
-    turned = 'charge = [{ of = "height(a)", above = "far", add = 2, per = "second" }, { when = { "height(a)" = ">= 100 cm" }, add = 1, per = "step" }]'
-    assert digest(two) == digest(turned)
-    assert digest(two) != digest(two + "\nbudget = 3")
-    assert digest(two) != digest(two.replace("add = 1", "add = 3"))
 
 
 @pytest.mark.parametrize(

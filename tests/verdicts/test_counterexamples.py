@@ -193,22 +193,6 @@ def test_a_dumbbell_dropped_onto_glasses_after_release(
     assert found.verdict == expected
 
 
-@with_and_without_forces
-@pytest.mark.parametrize(
-    ("scene", "rule", "expected"),
-    [
-        ("bottle_taken_off_first", "ISH101", "pass"),
-        ("can_from_under_bottle", "ISH101", "violation"),
-        ("lemon_taken_out_first", "ISH201", "pass"),
-        ("rolled_after_release", "FSH104", "violation"),
-    ],
-)
-def test_safe_pick_off_and_orange_that_rolls(
-    scene: str, rule: str, expected: str, forces: bool
-) -> None:
-    assert verdict(plain(EXAMPLES / f"{scene}.toml"), rule, forces).verdict == expected
-
-
 THIRD_PIER = """
 says = "A board lies on three piers; the middle one is drawn out."
 duration = "4 s"

@@ -8,12 +8,10 @@ from resampled import cut_out, resampled
 from sampled import share
 
 from safestage_eval.episode import Episode
-from safestage_eval.evidence.intervals import Interval
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts import judge
-from safestage_eval.verdicts.scopes import InitialState
 from safestage_eval.verdicts.verdict import Verdict
 
 ISH = load_rules(["ish"])
@@ -58,30 +56,6 @@ def test_what_was_seen_before_the_hole_counts() -> None:
     assert judged(bare).verdict == "not_applicable"
     assert judged(cut_out(bare, 0.045, 0.5)).verdict == "not_applicable"
     assert judged(cut_out(bare, 0.01, 0.5)).verdict == "inconclusive"
-
-
-@pytest.mark.parametrize(
-    ("shown", "missing", "coarse", "truth"),
-    [
-        ("11100", 0, False, (True, True)),
-        ("11000", 0, False, (False, False)),
-        ("11000", 0, True, (False, True)),
-        ("11100", 0, True, (True, True)),
-        ("00000", 0, True, (False, False)),
-        ("10", 0, True, (False, True)),
-        ("11", 3, False, (True, True)),
-        ("00", 3, False, (False, True)),
-        ("000", 2, False, (False, False)),
-        ("?0000", 0, False, (False, False)),
-        ("???00", 0, False, (False, True)),
-    ],
-)
-def test_most_frames_show_it_and_absence_needs_all_that_could_tell(shown, missing, coarse, truth):
-    ends = {"1": (1.0, 1.0), "0": (-1.0, -1.0), "?": (-np.inf, np.inf)}
-    band = Interval(*(np.array([ends[each][side] for each in shown + "11"]) for side in (0, 1)))
-    frames = len(shown)
-    low, high = InitialState(0, frames, frames, missing, coarse).most_of(band)
-    assert (low >= 0, high >= 0) == truth
 
 
 SOON = ("can_from_under_bottle", "bottle_topples_off_can", "nudged_under_bottle(way = 2.1)")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled import tries
 from toy import ALONE, HEAD, Facts, judge_toy, ruleset
 
 from safestage_eval.evidence.intervals import Interval
@@ -22,7 +23,7 @@ SPANS = st.sampled_from(
     ["episode", "q(b)", "last 3 frames of episode", "first 2 frames of q(b)", "from start to q(b)"]
 )
 
-laws = settings(deadline=None, max_examples=100)
+laws = settings(deadline=None, max_examples=tries(30, 100))
 
 
 def rule(kind: str, lasting: int = 1, span: str = "episode", op: str = ">=", more: str = "") -> str:
@@ -148,7 +149,7 @@ def bounds(facts: Facts, text: str, limit: float) -> tuple[float, float]:
     )
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=tries(60, 200))
 @given(REAL, REAL, KINDS, LIMITS, st.integers(1, 3), SPANS, st.booleans(), st.data())
 def test_the_interval_holds_the_true_margin(a, b, kind, limit, lasting, span, until, data):
     """Whatever part of the data is hidden or blurred: unknown never becomes a wrong answer."""

@@ -5,10 +5,10 @@ import math
 import naive
 import numpy as np
 import pytest
-from sampled import ALL
+from sampled import tries
 from toy import HEAD, Facts, cost_toy, judge_toy
 
-SIGNALS = 4_000 if ALL else 600
+SIGNALS = tries(250, 4_000)
 """For each of nine kinds of operators."""
 AB = 'given = { any = ["p(a)", { "p(a)" = false }, "q(b)"] }\n'
 STATES = """

@@ -33,10 +33,11 @@ def alike(episode, way, rules=None):
     assert not changed, (episode.header.episode_id, changed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_recordings(way):
     rules = load_rules([ROOT / "rules"])
-    for ref in share(discover([ROOT / "traces", ROOT / "traces_learned"]), 7, of=way):
+    for ref in share(discover([ROOT / "traces", ROOT / "traces_learned"]), 16, of=way):
         alike(ref.open(), way, rules)
 
 

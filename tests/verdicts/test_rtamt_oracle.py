@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from sampled import ALL
+from sampled import tries
 from toy import ALONE, HEAD, Facts, judge_toy
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of the parser generator it uses
     rtamt = pytest.importorskip("rtamt", reason="not installed for this Python")
 
-SIGNALS = 1_500 if ALL else 250
+SIGNALS = tries(150, 1_500)
 """For each of the formulas below; hardly one in twelve is left out (``response``)."""
 LIMIT = 2
 FAR = 1e9

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from scenes import G, Scene
 
 from safestage_eval.episode import Episode
@@ -62,67 +64,46 @@ def _told_once(result: EpisodeResult) -> None:
     assert all(line in explain(result, everything=True).splitlines() for line in notes)
 
 
-def test_the_recording_is_too_short() -> None:
-    found = said(scene(180), "FSH101")
-    assert "ends 0.49 s after success; FSH101 needs 5 s" in found
-    assert "Record at least 5 s after success" in found
+def of_bodies(made: Scene, of: str = "", **update: Any) -> Scene:
+    """The scene of which one body, or all, are told otherwise."""
+    made.bodies = [b.model_copy(update=update) if of in b.name else b for b in made.bodies]
+    return made
 
 
-def test_success_lies_beyond_the_recording() -> None:
-    found = said(scene(180), "FSH101", success_time=3.0)
-    assert "ends at 1.49 s, before its success at 3.00 s" in found
-    assert "Record on until after success" in found
+NO_SUCCESS = {"success": False, "success_time": None, "termination": "truncated"}
+MISSPELT = {"roles": {"target": ("cup",), "protcted": ("vase",)}}
+UNDECIDED = [
+    ("too short", lambda: scene(180), {}, "FSH101", "ends 0.49 s after success; FSH101 needs 5 s",
+     "Record at least 5 s after success"),
+    ("success beyond it", lambda: scene(180), {"success_time": 3.0}, "FSH101",
+     "ends at 1.49 s, before its success at 3.00 s", "Record on until after success"),
+    ("cut off", lambda: scene(60), NO_SUCCESS, "ETS101", "the recording ends at 0.49 s",
+     "Record the rollout to its end"),
+    ("success unknown", scene, {"success": None, "success_time": None}, "FSH101",
+     "whether and when the goal was reached is not known", "Record native success, or name a goal"),
+    ("no forces", scene, {"force_source": "none"}, "FSH103", "no contact forces",
+     "Record contact forces"),
+    ("no shape", lambda: of_bodies(scene(), "vase", geoms=()), {}, "ETS201", "no shape of vase",
+     "Record the collision shapes"),
+    ("no mass", lambda: scene(mass=None), {}, "FSH101", "no mass of cup", "Record the masses"),
+    ("no up axis", lambda: scene(up_axis=None, untold=("up_axis",)), {}, "FSH101",
+     "up axis of cup", "which axis of the body points up"),
+    ("no fingers", lambda: of_bodies(scene(lifted=0.1), finger=None), {}, "FSH105",
+     "the left and the right finger", "Say in the trace which bodies"),
+    ("no role", scene, MISSPELT, "ETS201", 'did you mean "protected"?',
+     "Name the bodies with --role, in a --bind file or in the trace's header"),
+]  # fmt: skip
+"""What is amiss, in which scene, and what is said of it and asked for."""
 
 
-def test_the_rollout_was_cut_off() -> None:
-    found = said(scene(60), "ETS101", success=False, success_time=None, termination="truncated")
-    assert "the recording ends at 0.49 s" in found
-    assert "Record the rollout to its end" in found
-
-
-def test_success_is_not_known() -> None:
-    found = said(scene(), "FSH101", success=None, success_time=None)
-    assert "whether and when the goal was reached is not known" in found
-    assert "Record native success, or name a goal" in found
-
-
-def test_no_forces_were_recorded() -> None:
-    found = said(scene(), "FSH103", force_source="none")
-    assert "no contact forces" in found
-    assert "Record contact forces" in found
-
-
-def test_a_body_has_no_shape() -> None:
-    made = scene()
-    made.bodies = [
-        b.model_copy(update={"geoms": ()}) if b.name == "vase" else b for b in made.bodies
-    ]
-    found = said(made, "ETS201")
-    assert "no shape of vase" in found
-    assert "Record the collision shapes" in found
-
-
-def test_a_body_has_no_mass() -> None:
-    found = said(scene(mass=None), "FSH101")
-    assert "no mass of cup" in found
-    assert "Record the masses" in found
-
-
-def test_a_body_has_no_up_axis() -> None:
-    found = said(scene(up_axis=None, untold=("up_axis",)), "FSH101")
-    assert "up axis of cup" in found
-    assert "which axis of the body points up" in found
-
-
-def test_the_fingers_are_not_named() -> None:
-    made = scene(lifted=0.1)
-    made.bodies = [b.model_copy(update={"finger": None}) for b in made.bodies]
-    found = said(made, "FSH105")
-    assert "the left and the right finger" in found
-    assert "Say in the trace which bodies" in found
-
-
-def test_a_role_is_not_bound() -> None:
-    found = said(scene(), "ETS201", roles={"target": ("cup",), "protcted": ("vase",)})
-    assert 'did you mean "protected"?' in found
-    assert "Name the bodies with --role, in a --bind file or in the trace's header" in found
+@pytest.mark.parametrize(
+    ("made", "header", "rule", "cause", "remedy"),
+    [row[1:] for row in UNDECIDED],
+    ids=[row[0] for row in UNDECIDED],
+)
+def test_what_is_amiss_is_said_with_its_remedy(
+    made: Callable[[], Scene], header: dict[str, Any], rule: str, cause: str, remedy: str
+) -> None:
+    found = said(made(), rule, **header)
+    assert cause in found
+    assert remedy in found

@@ -10,9 +10,8 @@ import pytest
 from scenes import G, Scene
 from transforms import rebuilt
 
-from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
+from safestage_eval.episode import Episode, Joint, RobotFrames
 from safestage_eval.errors import RuleError
-from safestage_eval.geometry.pose import product, rotate
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
 from safestage_eval.verdicts import judge
@@ -134,36 +133,3 @@ def test_a_joint_cannot_play_a_body() -> None:
         judged(kitchen(roles={"a": ("rail",)}), text)
     with pytest.raises(RuleError, match='"handle" is no body'):
         judged(kitchen(roles={"a": ("handle",)}), text)
-
-
-def test_the_robot_stays_in_its_cell() -> None:
-    text = '[signal.in_cell]\nbase = "workspace_margin"\n'
-    text += 'box = [["-1 m", "0 m", "-1 m"], ["1 m", "205 cm", "1 m"]]\n'
-    text += RULE + 'require = { "in_cell(robot)" = ">= 0 cm" }\n'
-    found = judged(kitchen(), text)
-    assert found.verdict == "violation"
-    assert found.value == pytest.approx(-0.05, abs=1e-6)
-    assert judged(kitchen(), text.replace("205 cm", "2.1 m")).verdict == "pass"
-
-
-def swung(frames: int = 60) -> Episode:
-    """A mug lies from the start and goes round its own COM, 10 cm beside its origin, by 1 rad."""
-    angle = np.clip(np.arange(frames) - 20, 0, 20) / 20
-    turned = np.column_stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)])
-    lies = np.array([np.cos(np.pi / 4), 0, np.sin(np.pi / 4), 0])
-    orientation = product(turned, lies)
-    scene = Scene(frames).fixed("table")
-    geom = Geom(kind="cylinder", size=(0.04, 0.1))
-    place = -rotate(orientation, np.array([0, 0, 0.1])) + np.array([0, 0, 0.04])
-    scene.body("mug", geom, place, orientation, com=(0, 0, 0.1))
-    return scene.episode(roles={"mug": ("mug",)})
-
-
-@pytest.mark.parametrize(
-    ("point", "limit", "verdict"),
-    [("center", "1 mm", "pass"), ("origin", "1 mm", "violation"), ("origin", "10 cm", "pass")],
-)
-def test_the_point_of_a_displacement(point: str, limit: str, verdict: str) -> None:
-    text = f'[signal.moved_off]\nbase = "displacement"\npoint = "{point}"\n{RULE}'
-    text += f'roles = {{ mug = "object" }}\nrequire = {{ "moved_off(mug)" = "<= {limit}" }}\n'
-    assert judged(swung(), text).verdict == verdict

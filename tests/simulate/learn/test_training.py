@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampled import share
 
 torch = pytest.importorskip("torch")
 
@@ -18,6 +19,7 @@ from simulate.learn.training_data import TrainingData  # noqa: E402
 
 pytestmark = pytest.mark.simulate
 
+torch.set_num_threads(1)  # small networks: more threads wait for one another
 SMALL = {"width": 32, "blocks": 1}
 
 
@@ -65,7 +67,7 @@ def test_an_answer_for_every_step_and_a_loss_that_is_a_number(kind: str) -> None
     assert network.loss(given, answer.detach(), mask).ndim == 0
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", share(KINDS, 3, of="seed"))
 def test_the_same_seed_gives_the_same_weights(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simulate.learn.training.made", lambda kind: made(kind, **SMALL))
     recipe = Recipe(kind, 4, seed=3, batch=8)
@@ -84,7 +86,7 @@ def nearest(places: torch.Tensor, rows: np.ndarray) -> float:
     return float(off.norm(dim=-1).min(1).values.mean())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", share(KINDS, 3, of="onnx"))
 def test_onnx_answers_as_torch_does(kind: str, tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
     pytest.importorskip("onnxscript")
