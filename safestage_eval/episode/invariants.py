@@ -147,14 +147,13 @@ def check_track(track: Track, body: str, frames: int, where: str) -> list[TraceE
     return [
         error
         for name, column in track.columns.items()
-        for error in check_track_column(name, column, body, frames, where)
+        for error in _check_column(name, column, body, frames, where)
     ]
 
 
-def check_track_column(
+def _check_column(
     column: str, array: NDArray[np.float32], body: str, frames: int, where: str
 ) -> list[TraceError]:
-    """One column (``orientation``, …) of a body's track, as ``check_track`` does."""
     found = []
     if len(array) not in (1, frames):
         found.append(
@@ -183,6 +182,17 @@ def check_track_column(
             )
         )
     return found
+
+
+def sound_motion(
+    position: NDArray[np.float32],
+    orientation: NDArray[np.float32],
+    linear_velocity: NDArray[np.float32],
+    angular_velocity: NDArray[np.float32],
+) -> bool:
+    """Whether ``check_track`` finds nothing for sure in the values of any bodies, laid out one after the other."""
+    columns = position, orientation, linear_velocity, angular_velocity
+    return all(map(all_finite, columns)) and near_unit(orientation.reshape(-1, 4))
 
 
 def near_unit(orientation: NDArray[np.float32]) -> bool:
@@ -214,91 +224,26 @@ def check_contacts(
 
     ``geom_owner`` (G,) is the body index of each geom, as in ``Episode.geom_owner``.
     """
-    if _sound_contacts(contacts, geom_owner, frames):
-        return []
-    found = check_contact_frames(contacts, frames, where)
-    found += check_contact_geoms(contacts, geom_owner, where)
+    found = _in_range(contacts.frame, frames, "frame", where)
+    if not (contacts.body1 < contacts.body2).all():
+        found.append(TraceError(where, "contacts are not in canonical order: body1 >= body2"))
+    for side in "12":
+        geom, body = getattr(contacts, f"geom{side}"), getattr(contacts, f"body{side}")
+        outside = _in_range(geom, len(geom_owner), f"geom{side}", where)
+        wrong = np.flatnonzero(geom_owner[geom] != body) if not outside else np.zeros(0, np.intp)
+        found += outside
+        if len(wrong):
+            row = int(wrong[0])
+            found.append(
+                TraceError(
+                    where,
+                    f"contact row {row}: geom{side} {geom[row]} does not belong to "
+                    f"body{side} {body[row]} ({len(wrong)} rows in all).",
+                    "geoms counted over all bodies in the header's order",
+                )
+            )
     for name in CONTACT_VALUES:
         found += check_finite(getattr(contacts, name), f"contact {name}", where)
-    return found
-
-
-def _sound_contacts(contacts: ContactTable, geom_owner: NDArray[np.int16], frames: int) -> bool:
-    """Whether ``check_contacts`` finds nothing, for sure; looks at rows in the order of their file."""
-    try:
-        for pair in contacts.pairs:
-            geoms = contacts.of_pair(pair, "geom1", "geom2")
-            sides = zip("12", geoms, pair, strict=True)
-            if pair[0] >= pair[1] or any(check_geom_owner(*s, geom_owner, "") for s in sides):
-                return False
-        frame, *values = contacts.unordered("frame", *CONTACT_VALUES)
-    except TraceError:  # by frame, the error says where
-        return False
-    return not _in_range(frame, frames, "frame", "") and all(map(all_finite, values))
-
-
-def check_contact_frames(contacts: ContactTable, frames: int, where: str) -> list[TraceError]:
-    """Frames in range, body 1 before body 2."""
-    found = check_frame_range(contacts.frame, frames, where)
-    return found + check_contact_order(contacts.body1, contacts.body2, where)
-
-
-def check_frame_range(frame: NDArray[np.int32], frames: int, where: str) -> list[TraceError]:
-    """(C,) frame indices within the episode."""
-    return _in_range(frame, frames, "frame", where)
-
-
-def check_contact_order(
-    body1: NDArray[np.int16], body2: NDArray[np.int16], where: str
-) -> list[TraceError]:
-    """(C,) and (C,) body indices, the lower one first."""
-    if (body1 < body2).all():
-        return []
-    return [TraceError(where, "contacts are not in canonical order: body1 >= body2")]
-
-
-def check_contact_geoms(
-    contacts: ContactTable, geom_owner: NDArray[np.int16], where: str
-) -> list[TraceError]:
-    """Geoms that exist and belong to the bodies named with them."""
-    return [
-        error
-        for side in "12"
-        for error in check_geom_owner(
-            side,
-            getattr(contacts, f"geom{side}"),
-            getattr(contacts, f"body{side}"),
-            geom_owner,
-            where,
-        )
-    ]
-
-
-def check_geom_owner(
-    side: str,
-    geom: NDArray[np.uint16],
-    body: NDArray[np.int16] | int,
-    geom_owner: NDArray[np.int16],
-    where: str,
-) -> list[TraceError]:
-    """(C,) geoms of one side (``1`` or ``2``) that exist and belong to the body of that side."""
-    if isinstance(body, int) and len(geom):  # its geoms come one after the other
-        own = np.flatnonzero(geom_owner == body)
-        if len(own) and own[0] <= geom.min() and geom.max() <= own[-1] < own[0] + len(own):
-            return []
-    found = _in_range(geom, len(geom_owner), f"geom{side}", where)
-    wrong = np.flatnonzero(geom_owner[geom] != body) if not found else np.zeros(0, np.intp)
-    if len(wrong):
-        row = int(wrong[0])
-        named = int(np.broadcast_to(body, len(geom))[row])
-        found.append(
-            TraceError(
-                where,
-                f"contact row {row}: geom{side} {geom[row]} does not belong to "
-                f"body{side} {named} ({len(wrong)} rows in all).",
-                "geoms counted over all bodies in the header's order",
-            )
-        )
     return found
 
 

@@ -35,7 +35,6 @@ from .frame_buffers import ROBOT_COLUMNS
 from .header_limits import check_counts, check_data, validated
 from .lazy_columns import StoredTrack
 from .parquet.dataset_layout import check_version
-from .parquet.episode_row import mesh_keys
 
 FORMAT = "safestage-zip"
 HEADER = "safestage.json"
@@ -80,7 +79,7 @@ def read_zip(path: Path, *, checked: bool = True) -> Episode:
         small = {name: _array(archive, name, where, 2) for name in ROBOT_COLUMNS}
         t = _array(archive, "t", where, 1, np.float64)
         place, turn = (_array(archive, f"fixed_{c}", where, 2) for c in ("position", "orientation"))
-        meshes = {key: _mesh(archive, key, where) for key in mesh_keys(header)}
+        meshes = {key: _mesh(archive, key, where) for key in header.mesh_keys}
     frames = len(t)
     current().demand("frames", frames, where)
     if about.get("frames") != frames:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError, TraceError
-from safestage_eval.formats.parquet.arrow_tables import arrow_file
+from safestage_eval.formats.trace_files import arrow_file
 from safestage_eval.size_limits import current
 
 from .column_episode import no_column

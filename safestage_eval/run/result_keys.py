@@ -13,7 +13,7 @@ from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.checksum import crc32
 from safestage_eval.formats.parquet.dataset_layout import TABLE_FOLDERS
-from safestage_eval.formats.parquet.episodes_table import read_rows
+from safestage_eval.formats.parquet.episode_row import read_rows
 from safestage_eval.formats.remote_path import RemotePath
 from safestage_eval.formats.trace_files import inside_dataset
 

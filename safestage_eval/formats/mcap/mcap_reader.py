@@ -26,7 +26,6 @@ from safestage_eval.episode import (
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import GeomNames, PackedContacts, contact_table
 from safestage_eval.formats.lazy_columns import StoredTrack
-from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import from_ply
 from safestage_eval.size_limits import current
 
@@ -162,7 +161,7 @@ def _episode(
 ) -> Episode:
     where, header = str(path), metadata.header
     meshes = {}
-    for key in mesh_keys(header):
+    for key in header.mesh_keys:
         ply = records.attachments.pop(f"geometry/{key}.ply", None)
         if ply is not None:
             meshes[key] = from_ply(ply, key, where)
