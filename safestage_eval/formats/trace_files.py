@@ -11,7 +11,6 @@ import pyarrow as pa
 
 from safestage_eval.errors import TraceError
 
-from .byte_source import SourceStream
 from .remote_path import RemotePath
 
 
@@ -63,8 +62,8 @@ def lacking(folder: Path, names: Iterable[str]) -> list[str]:
 def file_state(path: Path) -> tuple[Hashable, int]:
     """Return what is another when the content of a file is another, and its size. Raises as ``regular_status``."""
     if isinstance(path, RemotePath):
-        source = path.source()
-        return source.state, source.size
+        opened = path.opened()
+        return opened.state, opened.size
     status = regular_status(path)
     state = status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino
     return state, status.st_size
@@ -73,7 +72,7 @@ def file_state(path: Path) -> tuple[Hashable, int]:
 def arrow_file(path: Path, mode: str = "rb") -> pa.NativeFile:
     """Open a file for pyarrow, whose own functions take no path that is not UTF-8."""
     if isinstance(path, RemotePath):
-        return pa.PythonFile(SourceStream(path.source()), "r")
+        return path.opened().file
     return pa.OSFile(os.fsencode(path), mode)
 
 

@@ -74,7 +74,7 @@ class Keys:
         if file not in self._found:
             path = RemotePath(file) if isinstance(ref.path, RemotePath) else Path(file)
             if isinstance(path, RemotePath) and find is _checksum:
-                self._found[file] = path.source().state if path.is_file() else None
+                self._found[file] = path.opened().state if path.is_file() else None
             else:
                 self._found[file] = find(path) if path.is_file() else None
         return self._found[file]

@@ -184,7 +184,7 @@ class TableFile:
 def _opened(path: Path, size: int, table: str) -> _Open:
     stream: Any = arrow_file(path)
     if size <= _WHOLE_BYTES:
-        stream = pa.BufferReader(stream.read_buffer())
+        stream = pa.BufferReader(stream.read_at(size, 0))
     options = {
         "pre_buffer": isinstance(path, RemotePath),
         "page_checksum_verification": True,
