@@ -21,8 +21,7 @@ from safestage_eval.formats.ply import to_ply
 from safestage_eval.version import __version__
 
 from .foxglove_scene import to_scene
-from .mcap_clouds import cloud_messages
-from .mcap_frames import frame_messages
+from .mcap_frames import cloud_messages, frame_messages
 from .mcap_messages import (
     CONTACTS,
     EVENTS,
