@@ -38,8 +38,9 @@ _MOST = 256
 """No byte of an LZ4 block stands for more."""
 
 _prefix = struct.Struct("<BQ").unpack_from
+_start = struct.Struct("<BQH").unpack_from
+"""Prefix, and the channel number that messages begin with: every record in a chunk has as many bytes."""
 _length = struct.Struct("<Q").unpack_from
-_number = struct.Struct("<H").unpack_from
 
 
 class Batch(NamedTuple):
@@ -205,27 +206,28 @@ class _Messages:
     def _declare(self, channel: bytes) -> None:
         topic = _text(channel, 4)[0]
         if topic in self._records.messages:
-            self._topic_of[_number(channel)[0]] = topic
+            self._topic_of[int.from_bytes(channel[:2], "little")] = topic
 
     def _take_block(self, block: Any) -> None:
         """Keep the messages of a block of whole records."""
         raw = np.frombuffer(block, np.uint8)
         data, size, at = raw.data, len(raw), 0
         found: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._records.messages}
+        wanted = {number: found[topic] for number, topic in self._topic_of.items()}
         while at < size:
-            kind, length = _prefix(data, at)
+            kind, length, number = _start(data, at)
             begin = at + _PREFIX
             at = begin + length
             if at > size:
                 raise ValueError("a record is longer than its chunk, or cut off")
             if kind == MESSAGE:
-                if length < 2:
+                if length < _HEAD:
                     raise ValueError("a message is cut off")
-                topic = self._topic_of.get(_number(data, begin)[0])
-                if topic is not None:
-                    found[topic].append((min(begin + _HEAD, at), at))
+                if number in wanted:
+                    wanted[number].append((begin + _HEAD, at))
             elif kind == CHANNEL:
                 self._declare(bytes(data[begin:at]))
+                wanted = {number: found[topic] for number, topic in self._topic_of.items()}
         for topic, places in found.items():
             if places:
                 self._records.messages[topic].append(Batch(raw, np.array(places)))

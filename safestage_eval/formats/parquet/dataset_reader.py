@@ -30,9 +30,9 @@ from safestage_eval.episode import (
     check_track,
     sound_motion,
 )
+from safestage_eval.episode.lazy_columns import StoredItems
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import GeomNames
-from safestage_eval.formats.lazy_columns import StoredItems
 from safestage_eval.formats.ply import from_ply
 from safestage_eval.formats.trace_files import inside_dataset, lacking, regular_status
 from safestage_eval.size_limits import current
