@@ -29,8 +29,8 @@ from .episode_row import TABLE, encode, to_rows
 GROUP_ROWS = 1 << 20
 """Most rows of a row group; an episode of a shard has its own."""
 
-_NEXT: dict[tuple[Path, int], int] = {}
-"""Folder of ``meta/episodes`` and its number on the disk → the index behind the last one given there.
+_NEXT: dict[Path, tuple[int, int]] = {}
+"""Folder of ``meta/episodes`` → when it was changed by this process, and the index behind the last one in it then.
 
 To look through all files for each episode would take the square of their number.
 """
@@ -173,8 +173,10 @@ def _reserved(dataset: Path) -> Iterator[tuple[int, Path]]:
     """
     folder = dataset / layout.EPISODES
     folder.mkdir(parents=True, exist_ok=True)
-    here = folder.absolute(), folder.stat().st_ino
-    index = _NEXT[here] if here in _NEXT else next_index(dataset)
+    here = folder.absolute()
+    changed, index = _NEXT.get(here, (0, 0))
+    if changed != folder.stat().st_mtime_ns:
+        index = next_index(dataset)
     while True:
         final = folder / f"{_file_name(index)}.parquet"
         part = folder / f".{final.name}{PART}"
@@ -187,12 +189,12 @@ def _reserved(dataset: Path) -> Iterator[tuple[int, Path]]:
             break
         part.unlink()
         index += 1
-    _NEXT[here] = index + 1
     try:
         yield index, part
         sync(part)
         part.replace(final)
         sync(folder)
+        _NEXT[here] = folder.stat().st_mtime_ns, index + 1
     except BaseException:
         part.unlink(missing_ok=True)
         final.unlink(missing_ok=True)  # before its tables: a row without them is half an episode
