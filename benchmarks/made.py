@@ -249,14 +249,15 @@ def _contacts(
         rows = np.flatnonzero(where)
         position = paths[on][0][rows]
         weight = load * 0.2 * G / points
+        inward = grip / np.linalg.norm(grip) if grip.any() else grip
         for k in range(points):
             block = np.zeros(len(rows), POINT)
             angle = 2 * np.pi * (k + 0.5) / points
             corner = np.array([np.cos(angle), np.sin(angle), 0.0]) * (0.02 if points > 1 else 0)
-            block["position"] = position + corner - [0, 0, down]
+            block["position"] = position + corner - [0, 0, down] - inward * BOX
             noise = rng.normal(0, 0.01 * weight, (len(rows), 3))
             block["force"] = grip + np.array([0.0, 0.0, weight]) + noise
-            block["normal"] = grip / np.linalg.norm(grip) if grip.any() else (0, 0, 1)
+            block["normal"] = inward if grip.any() else (0, 0, 1)
             block["peak_force"] = (weight + np.linalg.norm(grip)) * points * 1.02
             block["depth"] = 1e-4 + rng.normal(0, 1e-6, len(rows))
             block["geom1"], block["geom2"] = geom[by], geom[on]

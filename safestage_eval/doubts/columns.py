@@ -89,8 +89,8 @@ class Whole:
         return self._episode.meshes
 
 
-_SOUND: list[tuple[tuple[Body, ...], int]] = []
-"""Bodies of scenes that were met lately and found sound, and how many meshes were at hand."""
+_SOUND: list[tuple[tuple[Body, ...], frozenset[str]]] = []
+"""Bodies of scenes that were met lately and found sound, and which of them were at hand."""
 
 
 class Columns:
@@ -118,6 +118,7 @@ class Columns:
             if matters[i] or matters[j]
         }
         self.some = [body for body in self.header.bodies if self.at_hand.some(body.name)]
+        self._seen = frozenset(body.name for body in self.some)
 
     def track(self, body: Body, column: str) -> Array | None:
         """See ``AtHand``."""
@@ -131,26 +132,30 @@ class Columns:
         return self._roundings[column]
 
     def shapes(self, body: Body) -> BodyShapes | None:
-        """Its shapes; None where it has none, or a mesh is not at hand."""
-        return body_shapes(body, self._meshes)
+        """Its shapes; None where it has none, or nothing of the body is at hand.
+
+        Meshes are read here, of bodies that are looked at: what is found is the same for a file
+        that reads them one by one and for one that is read whole.
+        """
+        return body_shapes(body, self._meshes) if self.at_hand.some(body.name) else None
 
     def scene(self) -> tuple[Body, ...]:
         """The bodies, for what is said once of them; none where just these were found sound before.
 
         The scenes of a task share their bodies.
         """
-        for known, meshes in _SOUND:
+        for known, seen in _SOUND:
             same = len(known) == len(self.header.bodies) and all(
                 map(is_, known, self.header.bodies)
             )
-            if same and meshes == len(self._meshes):
+            if same and self._seen <= seen:
                 return ()
         return self.header.bodies
 
     def remember_sound(self) -> None:
         """Note that what is said once of these bodies is sound."""
         if self.scene():
-            _SOUND[:] = [(self.header.bodies, len(self._meshes)), *_SOUND[:7]]
+            _SOUND[:] = [(self.header.bodies, self._seen), *_SOUND[:7]]
 
     def solid(self) -> list[tuple[Body, BodyShapes]]:
         """Objects of ``scene`` with their shapes, of those that have any and have an end."""

@@ -59,6 +59,4 @@ class ReadSoFar:
 
     def meshes(self) -> Mapping[str, Mesh]:
         """See ``doubts.AtHand``."""
-        meshes = self._episode.meshes
-        found: Mapping[str, Mesh] = getattr(meshes, "loaded", meshes)
-        return found
+        return self._episode.meshes

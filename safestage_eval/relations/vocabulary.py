@@ -6,6 +6,7 @@ is not known leaves it open by itself.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,7 +115,12 @@ def caused(relations: Relations, name: str) -> Interval:
         return relations.unknown("the trace has no poses of the robot")
     frames = np.arange(len(relations.episode))
     (body,) = relations.ids(name)
-    return relations.ends(lambda world: frames >= relations.reached(world, body))
+    found = relations.ends(lambda world: frames >= relations.reached(world, body))
+    hand = any(body.kind == "gripper" for body in relations.episode.header.bodies)
+    if relations.blind and not hand:
+        why = "without contact forces or poses of the robot's hand its touches are not known"
+        return replace(found, upper=np.ones(len(frames)), notes=(*found.notes, why))
+    return found
 
 
 @relation("may_be_caused", args=("a",), needs=("touch",), gate=True)

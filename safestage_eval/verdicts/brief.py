@@ -143,12 +143,16 @@ def _ignored(
     first, stop, _, _ = way.scope
     assert state.raw is not None  # a declared state
     assert isinstance(state.node, ast.Call)
-    raw, counted = state.raw.true, evaluator.state(state.node, {}).margin.true
+    held = state.raw.true
     if edge is None:
-        raw = raw[first:stop]
+        held = held.copy()
+        held[:first], held[stop:] = False, False
         if not isinstance(way.tree.node, ast.Event):
-            raw = raw & way.broken[first:stop]
-        return first + runs(raw & ~counted[first:stop])
-    stretches = runs(raw & ~counted)
+            held &= way.broken
+    if not held.any():
+        return np.zeros((0, 2), np.int64)
+    stretches = runs(held & ~evaluator.state(state.node, {}, held).margin.true)
+    if edge is None:
+        return stretches
     at = stretches[:, 0 if edge == "start" else 1]
     return stretches[(at >= first) & (at < stop)]

@@ -26,7 +26,11 @@ from .mcap_records import Batch
 ROBOT_FIELDS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
 
 _FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
-_KINDS = {"fixed64": np.dtype("<u8"), "double": np.dtype("<f8"), "float*": np.dtype("<f4")}
+_KINDS: dict[str, np.dtype[Any]] = {
+    "fixed64": np.dtype("<u8"),
+    "double": np.dtype("<f8"),
+    "float*": np.dtype("<f4"),
+}
 PACKED = tuple(name for name, f in _FIELDS.items() if f.type.endswith("*"))
 """Fields of many values; the others have one in each message."""
 
@@ -226,11 +230,10 @@ def _copied_points(batch: Batch, own: NDArray[np.uint8]) -> Batch | None:
     at += len(own)
     left = end - at
     digits = 1 + sum((left - n >= 128**n).astype(np.int64) for n in range(1, 5))
-    stated = sum(
-        np.where(n < digits, (batch.raw[np.minimum(at + n, end - 1)] & 0x7F).astype(np.int64), 0)
-        << 7 * n
-        for n in range(5)
-    )
+    stated = np.zeros(len(at), np.int64)
+    for n in range(5):
+        digit = batch.raw[np.minimum(at + n, end - 1)].astype(np.int64) & 0x7F
+        stated += np.where(n < digits, digit, 0) << 7 * n
     at += digits
     if (at + stated != end).any() or (stated % POINT.itemsize).any():
         return None

@@ -16,7 +16,7 @@ from safestage_eval.errors import TraceError
 
 from .arrow_tables import columns_of, parts_of, schema
 
-_DTYPES = {"float": np.dtype(np.float32), "double": np.dtype(np.float64)}
+_DTYPES: dict[str, np.dtype[Any]] = {"float": np.dtype(np.float32), "double": np.dtype(np.float64)}
 
 
 class Words(NamedTuple):

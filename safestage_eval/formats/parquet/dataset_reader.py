@@ -294,7 +294,7 @@ class _StoredEpisode:
 
 def _is(words: Words, name: str) -> NDArray[np.bool_]:
     """(N,) true where a column has a name."""
-    return words.places == (words.names.index(name) if name in words.names else -1)
+    return np.equal(words.places, words.names.index(name) if name in words.names else -1)
 
 
 def _frame_order(
