@@ -294,7 +294,8 @@ class _StoredEpisode:
 
 def _is(words: Words, name: str) -> NDArray[np.bool_]:
     """(N,) true where a column has a name."""
-    return np.equal(words.places, words.names.index(name) if name in words.names else -1)
+    place = words.names.index(name) if name in words.names else -1
+    return np.asarray(words.places == place)
 
 
 def _frame_order(
