@@ -23,8 +23,8 @@ from safestage_eval.episode import (
 )
 from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.episode.invariants import measured
+from safestage_eval.episode.lazy_columns import StoredItems
 from safestage_eval.errors import RuleError, TraceError
-from safestage_eval.formats.lazy_columns import StoredItems
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.episode_binding import BY_ROLES

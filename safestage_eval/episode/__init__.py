@@ -14,6 +14,7 @@ from .invariants import (
     check_header,
     check_time,
     check_track,
+    sound_motion,
 )
 from .mesh import Mesh
 from .seen import describe_holes, with_holes
@@ -49,6 +50,7 @@ __all__ = [
     "check_time",
     "check_track",
     "describe_holes",
+    "sound_motion",
     "still_track",
     "with_header",
     "with_holes",

@@ -111,3 +111,9 @@ class Header(Record):
     """Those whose pictures the policy was given, in the sizes in which they were drawn. Since 1.2."""
     video: Video | None = None
     """The film that was made of it, if one was. Since 1.2."""
+
+    @property
+    def mesh_keys(self) -> list[str]:
+        """Keys of the meshes that geoms have, each once, in order."""
+        geoms = (geom for body in self.bodies for geom in body.geoms)
+        return list(dict.fromkeys(geom.mesh for geom in geoms if geom.mesh is not None))

@@ -150,6 +150,17 @@ def check_track(track: Track, body: str, frames: int, where: str) -> list[TraceE
     return found
 
 
+def sound_motion(
+    position: NDArray[np.float32],
+    orientation: NDArray[np.float32],
+    linear_velocity: NDArray[np.float32],
+    angular_velocity: NDArray[np.float32],
+) -> bool:
+    """Whether ``check_track`` finds nothing for sure in the values of any bodies, laid out one after the other."""
+    columns = position, orientation, linear_velocity, angular_velocity
+    return all(map(all_finite, columns)) and near_unit(orientation.reshape(-1, 4))
+
+
 def near_unit(orientation: NDArray[np.float32]) -> bool:
     """Whether (…, 4) quaternions have unit norm for sure; faster than their norms."""
     with np.errstate(all="ignore"):

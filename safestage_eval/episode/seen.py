@@ -12,10 +12,8 @@ in a hole is ever taken as known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +22,8 @@ from .clock import longest_spacing, usual
 from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
+from .lazy_columns import StoredItems
 from .track import Track
-
-K = TypeVar("K")
-V = TypeVar("V")
 
 LATE = 1.5
 """The first sample may come so many spacings after time 0: one, and half of one for jitter."""
@@ -91,36 +87,15 @@ def _filled(episode: Episode, before: NDArray[np.intp], late: bool) -> Episode:
     return replace(
         episode,
         t=times,
-        tracks=_Items(episode.tracks, track),
+        tracks=StoredItems(episode.tracks, track),
         _contacts=contacts,
         _frames=frames,
-        channels=_Items(episode.channels, lambda key: episode.channels[key][source]),
-        states=_Items({int(place[frame]): frame for frame in episode.states},
+        channels=StoredItems(episode.channels, lambda key: episode.channels[key][source]),
+        states=StoredItems({int(place[frame]): frame for frame in episode.states},
                       lambda frame: episode.states[int(source[frame])]),
         unseen=unseen,
         recorded=episode,
     )  # fmt: skip
-
-
-class _Items(Mapping[K, V]):
-    """Items that are made one by one, each once, when they are first asked for."""
-
-    def __init__(self, keys: Mapping[K, object], make: Callable[[K], V]) -> None:
-        self._keys, self._make = keys, make
-        self._made: dict[K, V] = {}
-
-    def __getitem__(self, key: K) -> V:
-        if key not in self._made:
-            if key not in self._keys:
-                raise KeyError(key)
-            self._made[key] = self._make(key)
-        return self._made[key]
-
-    def __iter__(self) -> Iterator[K]:
-        return iter(self._keys)
-
-    def __len__(self) -> int:
-        return len(self._keys)
 
 
 def describe_holes(episode: Episode) -> list[str]:

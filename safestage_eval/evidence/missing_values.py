@@ -21,7 +21,7 @@ from safestage_eval.episode import Body, ContactTable, Episode, RobotFrames, Tra
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.episode.header import SKETCH
 from safestage_eval.episode.invariants import all_finite, measured
-from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
+from safestage_eval.episode.lazy_columns import StoredItems, StoredTrack
 from safestage_eval.geometry.pose import transform
 
 from .unexplained_motion import Path, unexplained_motion

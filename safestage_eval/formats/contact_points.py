@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from safestage_eval.episode import ContactTable, Header
-from safestage_eval.episode.contacts import Pair
 from safestage_eval.errors import TraceError
-
-from .lazy_columns import StoredColumns
 
 POINT = np.dtype(
     [
@@ -155,49 +151,10 @@ def _columns(rows: Sequence[Mapping[str, Any]], names: GeomNames) -> dict[str, A
     return columns
 
 
-class PackedContacts(StoredColumns, ContactTable):
-    """A contact table over packed points in canonical order, cut into columns as they are used."""
-
-    _groups = tuple((f.name,) for f in fields(ContactTable))
-    _gathered: dict[Pair, NDArray[Any]]
-    _points: NDArray[Any]
-
-    def __init__(self, points: NDArray[Any], keys: Mapping[str, NDArray[Any]]) -> None:
-        """``points``: (C,) POINT; ``keys``: frame, body1 and body2 (C,) of each."""
-        super().__init__(lambda names: {name: _column(points, name) for name in names})
-        vars(self).update({"_points": points, "_gathered": {}, **keys})
-
-    def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
-        """Columns of one pair; its points are gathered once for all columns."""
-        if pair not in self._gathered:
-            self._gathered[pair] = self._points.view(RAW).take(self.rows(pair)).view(POINT)
-        points = self._gathered[pair]
-        values = []
-        for column in columns:
-            name, _, axis = column.partition(".")
-            if name in _NAMES:
-                values.append(
-                    np.ascontiguousarray(points[name][:, "xyz".index(axis)])
-                    if axis
-                    else _column(points, name)
-                )
-            else:
-                values += super().of_pair(pair, name)
-        return tuple(values)
-
-
-def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
-    """(C,) or (C, 3) of a field of points, contiguous."""
-    items = np.ascontiguousarray(points.view(_ITEMS)[name])
-    return items.view(POINT[name].base).reshape(len(points), *POINT[name].shape)
-
-
 def contact_table(
     points: NDArray[Any], counts: NDArray[np.integer], names: GeomNames
 ) -> ContactTable:
     """Make the canonical table of contacts.
-
-    Points in the table's order are not copied; others are sorted.
 
     Args:
         points: (C,) POINT of consecutive frames.
@@ -209,10 +166,16 @@ def contact_table(
     """
     frame = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
     body1, body2 = names.bodies(points)
-    if _is_canonical(frame, body1, body2, points["geom1"], points["geom2"]):
-        return PackedContacts(points, {"frame": frame, "body1": body1, "body2": body2})
-    columns = {name: points[name] for name in _NAMES}
-    return ContactTable.build(frame=frame, body1=body1, body2=body2, **columns)
+    items = points.view(_ITEMS)
+    columns = {
+        name: np.ascontiguousarray(items[name])
+        .view(POINT[name].base)
+        .reshape(-1, *POINT[name].shape)
+        for name in _NAMES
+    }
+    canonical = _is_canonical(frame, body1, body2, columns["geom1"], columns["geom2"])
+    make = ContactTable if canonical else ContactTable.build
+    return make(frame=frame, body1=body1, body2=body2, **columns)
 
 
 def _is_canonical(

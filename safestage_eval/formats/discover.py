@@ -242,7 +242,7 @@ def _refs_of_dataset(dataset: Path) -> Iterator[list[EpisodeRef]]:
 
 
 def _dataset_refs(file: Path) -> list[EpisodeRef]:
-    from .parquet.episodes_table import read_rows
+    from .parquet.episode_row import read_rows
 
     columns = ("episode_index", "episode_id", *REF_FIELDS, "length", "content_hash", "file")
     try:

@@ -18,7 +18,7 @@ from .discover import discover
 from .episode_ref import EpisodeRef
 from .parquet import dataset_layout as layout
 from .parquet.dataset_reader import open_episode
-from .parquet.dataset_writer import highest_index, writing_shard
+from .parquet.dataset_writer import next_index, writing_shard
 from .save import short_name
 
 SHARD_EPISODES = 100
@@ -69,7 +69,7 @@ def pack(
     result = Packed()
     with _alone_in(out):
         hashes = _there(out)
-        groups = _groups(refs, by)
+        groups, index = _groups(refs, by), next_index(out)
         done, total = 0, len(refs)
         for name, group in groups.items():
             todo = []
@@ -81,20 +81,20 @@ def pack(
             for begin in range(0, len(todo), shard_episodes):
                 part = todo[begin : begin + shard_episodes]
                 file = _free_name(out, name)
-                for _ in _write_shard(part, out, file, result):
+                for _ in _write_shard(part, out, file, index, result):
                     done += 1
                     if progress is not None:
                         progress(done, total)
+                index += len(part)
     return result
 
 
 def _write_shard(
-    refs: Sequence[EpisodeRef], out: Path, file: str, result: Packed
+    refs: Sequence[EpisodeRef], out: Path, file: str, first: int, result: Packed
 ) -> Iterator[EpisodeRef]:
     """Write a shard and read it back, episode by episode."""
     written: list[tuple[str, str]] = []
     folder = out / layout.EPISODES
-    first = max((highest_index(path) for path in folder.glob("*.parquet")), default=-1) + 1
     with writing_shard(out, file, first) as shard:
         for ref in refs:
             where = ref.episode_id or ref.shown

@@ -5,28 +5,19 @@ from __future__ import annotations
 import io
 import os
 import re
-import threading
 import time
 from collections.abc import Generator, Hashable, Iterator
-from dataclasses import dataclass
 from datetime import timedelta
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path, PosixPath
 from types import SimpleNamespace
-from typing import IO, Any, TypeVar
+from typing import IO, Any, NamedTuple
 
 from safestage_eval.errors import InputError
 
-from .byte_source import BlockSource, SourceStream
-
-T = TypeVar("T")
-
-TRIES, PAUSE = 5, 0.2
-"""Times that a store is asked, and s between the first two; each pause is twice as long."""
-
-ANSWER = 120.0
-"""s that an answer may take; a store that does not answer by then is not asked again."""
+TRIES = 5
+"""Times that S3 is asked; the clients of other stores know themselves when to give up."""
 
 FRESH = 60.0
 """s for which what a store said of an object holds in a process; whoever looks for episodes asks anew."""
@@ -38,6 +29,9 @@ _STREAM = 1 << 20
 """Bytes that are read at once of an object that is read from its beginning on."""
 
 _URI = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(.*)", re.DOTALL)
+
+_FILE, _FOLDER = 2, 3
+"""Values of ``pyarrow.fs.FileType``."""
 
 
 def as_path(place: str | Path) -> Path:
@@ -60,7 +54,7 @@ def walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
 
 
 class RemotePath(PosixPath):
-    """A path whose files are in a store. Stores are asked again when they fail, then it is an OSError.
+    """A path whose files are in a store; what fails for good is an OSError.
 
     ``s3://`` and ``gs://`` go through ``pyarrow.fs``, ``hf://`` and all others through fsspec.
     Credentials, region and endpoint (``AWS_ENDPOINT_URL``, ``STORAGE_EMULATOR_HOST``) are those of the
@@ -69,8 +63,7 @@ class RemotePath(PosixPath):
 
     def __str__(self) -> str:
         """With both slashes, which paths make one of."""
-        scheme, rest = self._split()
-        return f"{scheme}://{rest}"
+        return "://".join(self._split())
 
     def __fspath__(self) -> str:
         return str(self)
@@ -80,27 +73,27 @@ class RemotePath(PosixPath):
         assert match is not None
         return match[1], match[2]
 
-    def _info(self) -> Any:
+    def _kind(self) -> int:
         scheme, place = self._split()
-        return tried(lambda: filesystem(scheme).get_file_info(place))
+        return int(filesystem(scheme).get_file_info(place).type.value)
 
     def exists(self, **_: Any) -> bool:
         """True if there is an object, or any below it."""
         if self.parent.name == "assets":
             return self.name in _assets(self.parent)
-        return bool(self._info().type.value >= _FILE)
+        return self._kind() >= _FILE
 
     def is_file(self, **_: Any) -> bool:
         """True if there is an object."""
-        return _held(self) is not None or bool(self._info().type.value == _FILE)
+        return _fresh(self) is not None or self._kind() == _FILE
 
     def is_dir(self, **_: Any) -> bool:
         """True if there are objects below it."""
-        return bool(self._info().type.value == _FOLDER)
+        return self._kind() == _FOLDER
 
     def stat(self, **_: Any) -> Any:
         """Return its size. Raises FileNotFoundError."""
-        return SimpleNamespace(st_size=_opened(self).size)
+        return SimpleNamespace(st_size=self.opened().size)
 
     def resolve(self, strict: bool = False) -> RemotePath:  # noqa: ARG002
         """Itself."""
@@ -116,7 +109,7 @@ class RemotePath(PosixPath):
 
         scheme, place = self._split()
         deep = scheme == "gs"  # Arrow lists folders there only if somebody made objects for them
-        infos = tried(lambda: filesystem(scheme).get_file_info(FileSelector(place, recursive=deep)))
+        infos = filesystem(scheme).get_file_info(FileSelector(place, recursive=deep))
         folders = {info.base_name for info in infos if info.type.value == _FOLDER}
         files = {info.base_name for info in infos if info.type.value == _FILE}
         if deep:
@@ -134,43 +127,40 @@ class RemotePath(PosixPath):
             return
         yield from (self / name for name in names if fnmatchcase(name, pattern))
 
-    def source(self) -> BlockSource:
-        """Open for reading by ranges."""
-        held = _opened(self)
-
-        def fetch(at: int, count: int) -> bytes:
-            data: bytes = tried(lambda: held.file.read_at(count, at))
-            if len(data) != count:
-                raise OSError(5, f"{len(data)} bytes came in place of {count}", str(self))
-            return data
-
-        return BlockSource(held.size, fetch, held.state)
+    def opened(self) -> Opened:
+        """Open it for pyarrow, once, unless that was long ago or many others were since. Raises OSError."""
+        held = _fresh(self)
+        if held is None:
+            scheme, place = self._split()
+            store, since = filesystem(scheme), time.monotonic()
+            file = store.open_input_file(place)
+            tag = (file.metadata() or {}).get("ETag") or store.get_file_info(place).mtime_ns
+            held = _OPENED[self] = Opened(file, file.size(), (tag, file.size()), since)
+            while len(_OPENED) > _HELD:
+                _OPENED.pop(next(iter(_OPENED)), None)
+        return held
 
     def open(self, mode: str = "r", *_: Any, **__: Any) -> IO[Any]:  # type: ignore[override]
         """Open for reading bytes; raises InputError for any other mode."""
         if mode != "rb":
             raise InputError(str(self), "object stores are only read.", fix="give a local folder")
-        return io.BufferedReader(SourceStream(self.source()), _STREAM)
+        return io.BufferedReader(_Stream(self.opened()), _STREAM)
 
     def read_bytes(self) -> bytes:
         """Read all of it; assets, named after their content, once per process."""
         return _asset(self) if self.parent.name == "assets" else self._whole()
 
     def _whole(self) -> bytes:
-        source = self.source()
-        return source.read(0, source.size)
+        with self.open("rb") as stream:
+            data: bytes = stream.read()
+        return data
 
     def read_text(self, encoding: str | None = None, *_: Any, **__: Any) -> str:
         """Read all of it as text."""
         return self._whole().decode(encoding or "utf-8")
 
 
-_FILE, _FOLDER = 2, 3
-"""Values of ``pyarrow.fs.FileType``."""
-
-
-@dataclass(frozen=True)
-class _Object:
+class Opened(NamedTuple):
     """An open object and what the store said of it then: to ask for its size is a request.
 
     Attributes:
@@ -186,33 +176,44 @@ class _Object:
     since: float
 
 
-_OBJECTS: dict[RemotePath, _Object] = {}
+class _Stream(io.RawIOBase):
+    """An open object, read from its beginning on; closing it leaves the object open."""
+
+    def __init__(self, opened: Opened) -> None:
+        self._opened, self._at = opened, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        self._at = offset + (0, self._at, self._opened.size)[whence]
+        return self._at
+
+    def readinto(self, buffer: Any) -> int:
+        count = max(0, min(len(buffer), self._opened.size - self._at))
+        data = self._opened.file.read_at(count, self._at) if count else b""
+        if len(data) != count:
+            raise OSError(5, f"{len(data)} bytes came in place of {count}")
+        buffer[:count] = data
+        self._at += count
+        return count
+
+
+_OPENED: dict[RemotePath, Opened] = {}
 
 
 def forget() -> None:
     """Forget the states of objects, so that stores are asked again."""
-    _OBJECTS.clear()
+    _OPENED.clear()
     _assets.cache_clear()
 
 
-def _held(path: RemotePath) -> _Object | None:
-    held = _OBJECTS.get(path)
+def _fresh(path: RemotePath) -> Opened | None:
+    held = _OPENED.get(path)
     return held if held is not None and time.monotonic() - held.since < FRESH else None
-
-
-def _opened(path: RemotePath) -> _Object:
-    """Asked for once, unless that was long ago or many others were since. Raises OSError."""
-    held = _held(path)
-    if held is None:
-        scheme, place = path._split()  # noqa: SLF001
-        since = time.monotonic()
-        file = tried(lambda: filesystem(scheme).open_input_file(place))
-        size, tag = tried(file.size), (file.metadata() or {}).get("ETag")
-        state = tag or path._info().mtime_ns  # noqa: SLF001
-        held = _OBJECTS[path] = _Object(file, size, (state, size), since)
-        while len(_OBJECTS) > _HELD:
-            _OBJECTS.pop(next(iter(_OBJECTS)), None)
-    return held
 
 
 @lru_cache(maxsize=128)
@@ -239,7 +240,7 @@ def filesystem(scheme: str) -> Any:
         return fs.S3FileSystem(
             endpoint_override=os.environ.get("AWS_ENDPOINT_URL"),
             region=os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"),
-            retry_strategy=fs.AwsStandardS3RetryStrategy(max_attempts=1),  # ``tried`` does it
+            retry_strategy=fs.AwsStandardS3RetryStrategy(max_attempts=TRIES),
             connect_timeout=10,
             request_timeout=60,
         )
@@ -260,41 +261,3 @@ def filesystem(scheme: str) -> Any:
             f"{scheme}://", f"this store cannot be read: {error}.", "s3, gs, hf, and those of fsspec",
             "pip install fsspec, and for hf:// huggingface_hub",
         ) from None  # fmt: skip
-
-
-def tried(ask: Any) -> Any:
-    """Call a function of a store, again when it fails. Raises the last OSError.
-
-    TimeoutError is one, for a store that does not answer. Its client cannot be stopped and is left behind.
-    """
-    for attempt in range(TRIES):
-        try:
-            return _answered(ask)
-        except (FileNotFoundError, TimeoutError):
-            raise
-        except OSError:
-            if attempt == TRIES - 1:
-                raise
-            time.sleep(PAUSE * 2**attempt)
-    raise AssertionError
-
-
-def _answered(ask: Any) -> Any:
-    """Call a function within ``ANSWER`` s. Raises what it raises, and TimeoutError."""
-    answers: list[tuple[bool, Any]] = []
-
-    def go() -> None:
-        try:
-            answers.append((True, ask()))
-        except BaseException as error:  # noqa: BLE001 — raised again below
-            answers.append((False, error))
-
-    asking = threading.Thread(target=go, daemon=True)
-    asking.start()
-    asking.join(ANSWER)
-    if not answers:
-        raise TimeoutError(110, f"the store did not answer within {ANSWER:g} s")
-    well, answer = answers[0]
-    if not well:
-        raise answer
-    return answer

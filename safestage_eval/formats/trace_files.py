@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from pathlib import Path
+
+import pyarrow as pa
 
 from safestage_eval.errors import TraceError
 
@@ -49,25 +51,29 @@ def inside_dataset(folder: Path, place: str, name: object, where: str) -> Path:
     return path
 
 
-def existing(folder: Path, place: str, names: Iterable[str], where: str) -> list[str]:
-    """Return the names that exist; raises the errors of ``within``.
+def lacking(folder: Path, names: Iterable[str]) -> list[str]:
+    """Return the names that are not in a folder; those that are may still be links to elsewhere."""
+    if isinstance(folder, RemotePath):
+        return [name for name in names if not (folder / name).exists()]
+    place = str(folder)
+    return [name for name in names if not os.path.lexists(f"{place}/{name}")]
 
-    Looks at each file once, and at the folders around them once.
-    """
-    inside = f"{folder / place}/"
-    linked = isinstance(folder, RemotePath) or _is_link(inside[:-1]) or _is_link(str(folder))
-    existing: list[str] = []
-    for name in names:
-        try:
-            mode = 0 if linked else os.lstat(inside + _plain(name, place, where)).st_mode
-        except (FileNotFoundError, NotADirectoryError):
-            continue
-        if (linked or not stat.S_ISREG(mode)) and not inside_dataset(
-            folder, place, name, where
-        ).exists():
-            continue
-        existing.append(name)
-    return existing
+
+def file_state(path: Path) -> tuple[Hashable, int]:
+    """Return what is another when the content of a file is another, and its size. Raises as ``regular_status``."""
+    if isinstance(path, RemotePath):
+        opened = path.opened()
+        return opened.state, opened.size
+    status = regular_status(path)
+    state = status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino
+    return state, status.st_size
+
+
+def arrow_file(path: Path, mode: str = "rb") -> pa.NativeFile:
+    """Open a file for pyarrow, whose own functions take no path that is not UTF-8."""
+    if isinstance(path, RemotePath):
+        return path.opened().file
+    return pa.OSFile(os.fsencode(path), mode)
 
 
 def _is_link(path: str) -> bool:

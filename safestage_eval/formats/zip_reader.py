@@ -8,7 +8,6 @@ import math
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -25,7 +24,7 @@ from safestage_eval.episode import (
     RobotFrames,
     Track,
     check,
-    check_contacts,
+    still_track,
 )
 from safestage_eval.errors import TraceError
 from safestage_eval.size_limits import current
@@ -33,9 +32,7 @@ from safestage_eval.size_limits import current
 from .contact_points import POINT, GeomNames, contact_table
 from .frame_buffers import ROBOT_COLUMNS
 from .header_limits import check_counts, check_data, validated
-from .lazy_columns import StoredTrack
 from .parquet.dataset_layout import check_version
-from .parquet.episode_row import mesh_keys
 
 FORMAT = "safestage-zip"
 HEADER = "safestage.json"
@@ -43,7 +40,7 @@ ZIP_MAGIC = b"PK\x03\x04"
 MOST = 4 << 30
 """Bytes of a member; a recording of an hour has less."""
 
-_WIDTHS = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
+_WIDTHS = (("position", 3), ("orientation", 4), ("linear_velocity", 3), ("angular_velocity", 3))
 
 
 def is_zip_trace(beginning: bytes) -> bool:
@@ -64,11 +61,11 @@ def read_zip_header(path: Path) -> tuple[Header, dict[str, Any]]:
 
 
 def read_zip(path: Path, *, checked: bool = True) -> Episode:
-    """Read an episode; the motion of bodies and the contacts when they are first looked at.
+    """Read an episode.
 
     Args:
         path: the file.
-        checked: raise on broken invariants, all of them at once.
+        checked: raise on broken invariants.
 
     Raises:
         TraceError: not a trace, cut off or damaged, or an invariant is broken.
@@ -77,20 +74,29 @@ def read_zip(path: Path, *, checked: bool = True) -> Episode:
     with _archive(path) as archive:
         about = _about(archive, where)
         header = _header(about, where)
-        small = {name: _array(archive, name, where, 2) for name in ROBOT_COLUMNS}
-        t = _array(archive, "t", where, 1, np.float64)
-        place, turn = (_array(archive, f"fixed_{c}", where, 2) for c in ("position", "orientation"))
-        meshes = {key: _mesh(archive, key, where) for key in mesh_keys(header)}
-    frames = len(t)
-    current().demand("frames", frames, where)
-    if about.get("frames") != frames:
-        raise TraceError(where, f"{frames} frames, but the header says {about.get('frames')!r}.")
+        moving = [body.name for body in header.bodies if body.movable]
+        fixed = [body.name for body in header.bodies if not body.movable]
+        t = _array(archive, "t", where, (None,), np.float64)
+        frames = len(t)
+        current().demand("frames", frames, where)
+        if about.get("frames") != frames:
+            what = f"{frames} frames, but the header says {about.get('frames')!r}."
+            raise TraceError(where, what)
+        motion = [_array(archive, name, where, (len(moving), frames, n)) for name, n in _WIDTHS]
+        still = [
+            _array(archive, f"fixed_{name}", where, (len(fixed), n)) for name, n in _WIDTHS[:2]
+        ]
+        robot = RobotFrames(*(_array(archive, n, where, (None, None)) for n in ROBOT_COLUMNS))
+        meshes = {key: _mesh(archive, key, where) for key in header.mesh_keys}
+        contacts = _contacts(archive, header, frames, where)
+    tracks = {name: Track(*(values[i] for values in motion)) for i, name in enumerate(moving)}
+    tracks |= {name: still_track(*(values[i] for values in still)) for i, name in enumerate(fixed)}
     episode = Episode(
         header=header,
         t=t,
-        tracks=_tracks(path, header, frames, place, turn),
-        _contacts=lambda: _contacts(path, header, frames),
-        _frames=RobotFrames(*(small[name] for name in ROBOT_COLUMNS)),
+        tracks={body.name: tracks[body.name] for body in header.bodies},
+        _contacts=contacts,
+        _frames=robot,
         meshes=meshes,
         path=path,
     )
@@ -100,54 +106,13 @@ def read_zip(path: Path, *, checked: bool = True) -> Episode:
     return episode
 
 
-def _tracks(
-    path: Path, header: Header, frames: int, place: NDArray[Any], turn: NDArray[Any]
-) -> dict[str, Track]:
-    where, tracks = str(path), dict[str, Track]()
-    moving = [body.name for body in header.bodies if body.movable]
-    fixed = [body.name for body in header.bodies if not body.movable]
-    if place.shape != (len(fixed), 3) or turn.shape != (len(fixed), 4):
-        raise TraceError(where, f"{len(place)} poses for {len(fixed)} fixed bodies.")
-    loaded: dict[str, NDArray[Any]] = {}
-
-    def columns_of(body: int, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-        """One column of all bodies is read at a time: they stand in the file as one array."""
-        for name in names:
-            if name not in loaded:
-                with _archive(path) as archive:
-                    values = _array(archive, name, where, 3)
-                if values.shape != (len(moving), frames, _WIDTHS[name]):
-                    raise TraceError(
-                        where,
-                        f"{name} has the shape {values.shape}.",
-                        f"({len(moving)}, {frames}, {_WIDTHS[name]}): bodies, frames, components",
-                    )
-                loaded[name] = values
-        return {name: loaded[name][body] for name in names}
-
-    for i, name in enumerate(moving):
-        tracks[name] = StoredTrack(partial(columns_of, i))
-    for i, name in enumerate(fixed):
-        still = np.zeros((1, 3), np.float32)
-        tracks[name] = Track(place[i : i + 1], turn[i : i + 1], still, still)
-    return {body.name: tracks[body.name] for body in header.bodies}
-
-
-def _contacts(path: Path, header: Header, frames: int) -> ContactTable:
-    where = str(path)
-    with _archive(path) as archive:
-        points = _array(archive, "contacts", where, 1, POINT)
-        counts = _array(archive, "counts", where, 1, np.int64)
-    if len(counts) != frames or (counts < 0).any() or (counts > len(points)).any():
-        raise TraceError(where, f"counts of contacts for {len(counts)} frames of {frames}.")
-    current().demand("contacts", int(counts.max(initial=0)), where)
-    if int(counts.sum()) != len(points):
+def _contacts(archive: zipfile.ZipFile, header: Header, frames: int, where: str) -> ContactTable:
+    points = _array(archive, "contacts", where, (None,), POINT)
+    counts = _array(archive, "counts", where, (frames,), np.int64)
+    if (counts < 0).any() or (counts > len(points)).any() or int(counts.sum()) != len(points):
         raise TraceError(where, f"{len(points)} contacts, but the frames count {counts.sum()}.")
-    names = GeomNames(header)
-    table = contact_table(points, counts, names)
-    for error in check_contacts(table, names.owner, frames, where):
-        raise error
-    return table
+    current().demand("contacts", int(counts.max(initial=0)), where)
+    return contact_table(points, counts, GeomNames(header))
 
 
 def _header(about: dict[str, Any], where: str) -> Header:
@@ -168,8 +133,8 @@ def _header(about: dict[str, Any], where: str) -> Header:
 
 def _mesh(archive: zipfile.ZipFile, key: str, where: str) -> Mesh:
     """A mesh, whose key is the digest of its content."""
-    vertices = _array(archive, f"mesh/{key}.vertices", where, 2)
-    faces = _array(archive, f"mesh/{key}.faces", where, 2, np.int32)
+    vertices = _array(archive, f"mesh/{key}.vertices", where, (None, None))
+    faces = _array(archive, f"mesh/{key}.faces", where, (None, None), np.int32)
     current().demand("vertices", len(vertices), where)
     try:
         mesh = Mesh.build(vertices, faces)
@@ -192,24 +157,31 @@ def _about(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
 
 
 def _array(
-    archive: zipfile.ZipFile, name: str, where: str, axes: int, kind: Any = np.float32
+    archive: zipfile.ZipFile,
+    name: str,
+    where: str,
+    shape: tuple[int | None, ...],
+    kind: Any = np.float32,
 ) -> NDArray[Any]:
-    """An array of one type and number of axes. Raises TraceError for any other."""
+    """An array of one type and shape, of which None stands for any number. Raises TraceError for any other."""
     data, wanted = _bytes(archive, f"{name}.npy", where), np.dtype(kind)
     content = io.BytesIO(data)
     try:
         if np.lib.format.read_magic(content) != (1, 0):
             raise ValueError("not of version 1.0")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(content)
+        there, fortran, dtype = np.lib.format.read_array_header_1_0(content)
     except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
         raise TraceError(where, f"{name}.npy cannot be read: {error}.") from None
-    if dtype != wanted or len(shape) != axes or fortran or min(shape) < 0:
+    if dtype != wanted or len(there) != len(shape) or fortran or min(there) < 0:
         raise TraceError(
-            where, f"{name}.npy has {len(shape)} axes of {dtype}.", f"{axes} of {wanted}"
+            where, f"{name}.npy has {len(there)} axes of {dtype}.", f"{len(shape)} of {wanted}"
         )
-    if len(data) - content.tell() != math.prod(shape) * wanted.itemsize:
-        raise TraceError(where, f"{name}.npy holds other than the {shape} values that it states.")
-    return np.frombuffer(data, wanted, offset=content.tell()).reshape(shape)
+    if any(n not in (None, m) for n, m in zip(shape, there, strict=True)):
+        allowed = ", ".join("any" if n is None else str(n) for n in shape)
+        raise TraceError(where, f"{name}.npy has the shape {there}.", allowed)
+    if len(data) - content.tell() != math.prod(there) * wanted.itemsize:
+        raise TraceError(where, f"{name}.npy holds other than the {there} values that it states.")
+    return np.frombuffer(data, wanted, offset=content.tell()).reshape(there)
 
 
 def _bytes(archive: zipfile.ZipFile, name: str, where: str) -> bytes:

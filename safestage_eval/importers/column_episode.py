@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Joint, Track, still_track
 from safestage_eval.errors import InputError, TraceError
-from safestage_eval.formats.parquet.arrow_tables import arrow_file
+from safestage_eval.formats.trace_files import arrow_file
 from safestage_eval.size_limits import current
 
 from .account import Account

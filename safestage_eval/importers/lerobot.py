@@ -16,7 +16,7 @@ import numpy as np
 
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.parquet.arrow_tables import arrow_file
+from safestage_eval.formats.trace_files import arrow_file
 
 from .column_episode import ColumnImporter, Rows, parquet_columns
 from .importer import Settings, json_table

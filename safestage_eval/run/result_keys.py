@@ -13,7 +13,7 @@ from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.checksum import crc32
 from safestage_eval.formats.parquet.dataset_layout import TABLE_FOLDERS
-from safestage_eval.formats.parquet.episodes_table import read_rows
+from safestage_eval.formats.parquet.episode_row import read_rows
 from safestage_eval.formats.remote_path import RemotePath
 from safestage_eval.formats.trace_files import inside_dataset
 
@@ -74,7 +74,7 @@ class Keys:
         if file not in self._found:
             path = RemotePath(file) if isinstance(ref.path, RemotePath) else Path(file)
             if isinstance(path, RemotePath) and find is _checksum:
-                self._found[file] = path.source().state if path.is_file() else None
+                self._found[file] = path.opened().state if path.is_file() else None
             else:
                 self._found[file] = find(path) if path.is_file() else None
         return self._found[file]

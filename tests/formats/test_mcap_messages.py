@@ -11,10 +11,14 @@ from hypothesis import strategies as st
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import POINT
-from safestage_eval.formats.mcap.mcap_arrays import Batch
-from safestage_eval.formats.mcap.mcap_clouds import CloudPoints, empty_cloud
-from safestage_eval.formats.mcap.mcap_frames import PACKED, FrameRows
+from safestage_eval.formats.mcap.mcap_frames import (
+    PACKED,
+    cloud_points,
+    empty_cloud,
+    frame_columns,
+)
 from safestage_eval.formats.mcap.mcap_messages import message_class
+from safestage_eval.formats.mcap.mcap_records import Batch
 
 
 def batches(messages, cuts):
@@ -66,12 +70,8 @@ layouts = st.lists(
 @given(layouts, st.lists(st.integers(0, 99), max_size=3), st.integers(1, 12))
 def test_frames(kinds, cuts, count):
     messages = [frame(n, kind) for n, kind in enumerate(kinds)]
-    rows = FrameRows("x")
-    for batch in batches(messages, cuts):
-        rows.take(batch)
-    assert rows.count == len(messages)
     count = min(count, len(messages))
-    found = rows.columns(count)
+    found = frame_columns(list(batches(messages, cuts)), count, "x")
     for n, message in enumerate(messages[:count]):
         expected = message_class("Frame").FromString(message)
         assert (found["frame_index"][n], found["time"][n]) == (n, expected.time)
@@ -119,12 +119,9 @@ def test_contacts(kinds, cuts, count):
         foreign_cloud(n) if kind == "foreign" else own_cloud(n, kind)
         for n, kind in enumerate(kinds)
     ]
-    sink = CloudPoints("x")
-    for batch in batches([cloud.SerializeToString() for cloud in clouds], cuts):
-        sink.take(batch)
-    assert sink.count == len(clouds)
     count = min(count, len(clouds))
-    points, counts = sink.points(count)
+    messages = [cloud.SerializeToString() for cloud in clouds]
+    points, counts = cloud_points(list(batches(messages, cuts)), count, "x")
     expected = [points_of(cloud) for cloud in clouds[:count]]
     assert counts.tolist() == [len(rows) for rows in expected]
     found = [[*p["force"].tolist(), float(p["geom1"]), float(p["geom2"])] for p in points]
@@ -162,7 +159,6 @@ def without(field):
 )
 def test_a_broken_message_is_reported(message, error):
     good = own_cloud(0, 2).SerializeToString()
-    sink = CloudPoints("x")
+    some = list(batches([good, good, good, message, good], [2]))
     with pytest.raises(TraceError, match=error):
-        for batch in batches([good, good, good, message, good], [2]):
-            sink.take(batch)
+        cloud_points(some, 5, "x")

@@ -6,14 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from object_store import object_store, upload
 from studio import block, run
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import discover, load, remote_path, save
-from safestage_eval.formats.byte_source import BLOCK, BlockSource
 from safestage_eval.formats.remote_path import RemotePath, as_path
 from safestage_eval.run import score_traces as runs
 from safestage_eval.run.score_traces import Choice, score_paths
@@ -44,7 +41,6 @@ def uri(store, local, monkeypatch):
         monkeypatch.setenv(f"AWS_{name}", "test")
     monkeypatch.setenv("AWS_ENDPOINT_URL", store.url)
     monkeypatch.setenv("AWS_REGION", "us-east-1")
-    monkeypatch.setattr(remote_path, "PAUSE", 0.01)
     remote_path.filesystem.cache_clear()
     store.calm()
     yield upload(local, store, "corpus")
@@ -64,26 +60,6 @@ def test_paths_in_a_store_behave_as_paths():
     assert (path.name, path.suffix, path.parent.name) == ("b.parquet", ".parquet", "a")
     assert path == RemotePath("s3://bucket/a") / "b.parquet"
     assert not isinstance(as_path("traces/s3"), RemotePath)
-
-
-@given(
-    st.integers(0, 5 * BLOCK),
-    st.lists(st.tuples(st.integers(0, 5 * BLOCK), st.integers(0, 3 * BLOCK)), max_size=8),
-)
-def test_ranges_are_those_of_the_object_and_none_is_fetched_twice(size, ranges):
-    data = np.random.default_rng(size).bytes(size)
-    fetched = []
-
-    def fetch(at, count):
-        fetched.append((at, count))
-        assert at + count <= size
-        return data[at : at + count]
-
-    source = BlockSource(size, fetch)
-    for at, count in ranges:
-        assert source.read(at, count) == data[at : at + count]
-    blocks = [b for at, count in fetched for b in range(at // BLOCK, -(-(at + count) // BLOCK))]
-    assert len(blocks) == len(set(blocks))
 
 
 class TestRemote:
@@ -166,6 +142,7 @@ class TestRemote:
         self, uri, local, store, monkeypatch
     ):
         monkeypatch.setattr(remote_path, "TRIES", 2)
+        remote_path.filesystem.cache_clear()
         refs = discover(uri)
         store.failing = lambda number, path: "/bodies/" in path or "m1" in path
         truth = {r.episode_id: r for r in told(score_paths([local], ["fsh"], jobs=1))}
@@ -179,6 +156,7 @@ class TestRemote:
         self, uri, store, monkeypatch, what
     ):
         monkeypatch.setattr(remote_path, "TRIES", 2)
+        remote_path.filesystem.cache_clear()
         if what == "nobody there":
             monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:1")
             remote_path.filesystem.cache_clear()

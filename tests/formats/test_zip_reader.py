@@ -78,10 +78,11 @@ def test_a_changed_byte_of_any_member_is_noticed(tmp_path):
     ("changed", "message"),
     [
         ({"t": np.zeros(3, np.float32)}, "1 of float64"),
-        ({"position": np.zeros((9, 1, 3), np.float32)}, "position has the shape"),
-        ({"counts": np.full(120, -1)}, "counts of contacts"),
+        ({"position": np.zeros((9, 1, 3), np.float32)}, "position.npy has the shape"),
+        ({"counts": np.full(120, -1)}, "but the frames count"),
         ({"contacts": np.zeros(7, CONTACT_POINT)}, "7 contacts, but"),
-        ({"fixed_position": np.zeros((7, 3), np.float32)}, "7 poses for"),
+        ({"fixed_position": np.zeros((7, 3), np.float32)}, "fixed_position.npy has the shape"),
+        ({"action": np.full((120, 1), np.inf, np.float32)}, "finite"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(tmp_path, changed, message):
@@ -103,10 +104,10 @@ def rewritten(path, name, content, **settings):
 
 def test_files_that_claim_more_than_they_hold_take_no_memory(tmp_path):
     claim = io.BytesIO()
-    facts = {"descr": "<f4", "fortran_order": False, "shape": (1 << 40, 3, 3)}
+    facts = {"descr": "<f8", "fortran_order": False, "shape": (1 << 40,)}
     np.lib.format.write_array_header_1_0(claim, facts)
     path = written(falling_cube().episode(), tmp_path / "a.zip")
-    rewritten(path, "position.npy", claim.getvalue())
+    rewritten(path, "t.npy", claim.getvalue())
     assert "other than the" in str(validate(path)[0])
     path = written(falling_cube().episode(), tmp_path / "a.zip")
     rewritten(path, "t.npy", bytes(1 << 20), compression=zipfile.ZIP_DEFLATED)

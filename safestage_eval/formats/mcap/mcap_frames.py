@@ -1,34 +1,63 @@
-"""Motion, joints and commands in an MCAP trace: one ``safestage.v1.Frame`` per frame."""
+"""What is recorded in each frame of an MCAP trace, as messages and back.
+
+Motion, joints and commands are one ``safestage.v1.Frame`` per frame, contacts one ``foxglove.PointCloud``. Of messages
+laid out as this project writes them the numbers are copied as they stand, block by block; others are decoded one by one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
-from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
+from safestage_eval.episode import ContactTable, Episode
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.contact_points import POINT, table_points
 
-from .mcap_arrays import Batch, alike
 from .mcap_messages import FRAME, MESSAGES, message_class
 from .mcap_metadata import TRACK_COLUMNS
+from .mcap_records import Batch
 
 ROBOT_FIELDS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
 
-_LENGTH = 2
-"""Wire type of values that are preceded by their length."""
-
-_WIDTHS = {1: 8, 5: 4}
-"""Wire type → bytes, of values of fixed width."""
-
 _FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
-_KINDS = {"fixed64": "<u8", "double": "<f8", "float*": "<f4"}
-
+_KINDS: dict[str, np.dtype[Any]] = {
+    "fixed64": np.dtype("<u8"),
+    "double": np.dtype("<f8"),
+    "float*": np.dtype("<f4"),
+}
 PACKED = tuple(name for name, f in _FIELDS.items() if f.type.endswith("*"))
 """Fields of many values; the others have one in each message."""
+
+CLOUD_FIELDS = {
+    **{name: ("position", i) for i, name in enumerate("xyz")},
+    **{f"n{axis}": ("normal", i) for i, axis in enumerate("xyz")},
+    **{f"f{axis}": ("force", i) for i, axis in enumerate("xyz")},
+    **{name: (name, None) for name in ("peak_force", "depth", "geom1", "geom2")},
+}
+"""Field of the point cloud → field of POINT and its place in there."""
+
+_NUMBERS = {
+    PackedElementField.UINT8: "<u1",
+    PackedElementField.INT8: "<i1",
+    PackedElementField.UINT16: "<u2",
+    PackedElementField.INT16: "<i2",
+    PackedElementField.UINT32: "<u4",
+    PackedElementField.INT32: "<i4",
+    PackedElementField.FLOAT32: "<f4",
+    PackedElementField.FLOAT64: "<f8",
+}
+
+_CLOUD_DATA = bytes([6 << 3 | 2])
+"""Tag before the points, the last field of a PointCloud: its number, and that a length follows."""
+
+
+# ------------------------------------------------------------------ writing
 
 
 def frame_messages(episode: Episode, moving: list[str]) -> Iterator[bytes]:
@@ -48,135 +77,111 @@ def frame_messages(episode: Episode, moving: list[str]) -> Iterator[bytes]:
         yield message(frame_index=n, time=t, **values).SerializeToString()
 
 
-class FrameRows:
-    """Collects the messages of all frames as they are read, and makes columns of them.
+def empty_cloud() -> PointCloud:
+    """Return a point cloud without time and data, whose points are laid out as POINT."""
+    cloud = PointCloud(frame_id="world", point_stride=POINT.itemsize)
+    cloud.pose.orientation.w = 1
+    offset = 0
+    for name in CLOUD_FIELDS:
+        whole = name.startswith("geom")
+        kind = PackedElementField.UINT16 if whole else PackedElementField.FLOAT32
+        cloud.fields.add(name=name, offset=offset, type=kind)
+        offset += 2 if whole else 4
+    return cloud
 
-    Of messages that are laid out alike the numbers are copied as they stand, block by block; others, which other
-    writers may write, are decoded one by one.
 
-    Attributes:
-        count: messages taken.
+def cloud_messages(
+    contacts: ContactTable, times: list[int], *, placed: bool = False
+) -> Iterator[bytes]:
+    """Serialise point clouds, one per frame.
+
+    Args:
+        contacts: of the episode.
+        times: (T,) ns, their log times.
+        placed: say that the clouds' place is the origin, too. Left out it means the same, but not to Rerun,
+            which then writes recordings that it refuses itself.
     """
-
-    def __init__(self, where: str) -> None:
-        self.count = 0
-        self._where = where
-        self._blocks: list[dict[str, NDArray[Any]]] = []
-
-    def take(self, batch: Batch) -> None:
-        """Keep the values of some more messages. Raises TraceError for one that is no frame."""
-        columns = _copied(batch)
-        if columns is None:
-            columns = _decoded(batch.messages(), self.count, self._where)
-        self._blocks.append(columns)
-        self.count += len(batch)
-
-    def columns(self, count: int) -> dict[str, NDArray[Any]]:
-        """Return name → (T, width) of every field of the first messages.
-
-        Raises:
-            TraceError: there is none, or they differ in the number of values.
-        """
-        if not count:
-            raise TraceError(self._where, f"no frames: there is no message on {FRAME}")
-        for name in _FIELDS:
-            widths = {block[name].shape[1] for block in self._blocks}
-            if len(widths) > 1:
-                raise _other_widths(self._where, name, widths)
-        return {
-            name: np.concatenate([block[name] for block in self._blocks])[:count]
-            for name in _FIELDS
-        }
+    ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
+    points, cloud = table_points(contacts).tobytes(), empty_cloud()
+    if placed:
+        cloud.pose.position.SetInParent()
+    for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        cloud.timestamp.FromNanoseconds(time)
+        cloud.data = points[begin:end]
+        yield cloud.SerializeToString(deterministic=True)
 
 
-def _copied(batch: Batch) -> dict[str, NDArray[Any]] | None:
-    """Return name → (N, width) of messages that are laid out like the first one; None where they are not."""
-    begin, end = batch.places[0].tolist()
-    first = batch.raw[begin:end]
-    try:
-        places = field_places(first.tobytes())
-    except ValueError:
-        return None
-    for name, field in _FIELDS.items():
-        length = places.get(field.number, (0, 0))[1]
-        if length % 4 if name in PACKED else length != 8:
-            return None
-    between = np.ones(len(first), bool)
-    for offset, length in places.values():
-        between[offset : offset + length] = False
-    messages = alike(batch, np.flatnonzero(between))
-    if messages is None:
-        return None
+# ------------------------------------------------------------------ reading
+
+
+def frame_columns(batches: Sequence[Batch], count: int, where: str) -> dict[str, NDArray[Any]]:
+    """Return name → (T, width) of every field of the first messages.
+
+    Raises:
+        TraceError: there is none, one is no frame, or they differ in the number of values.
+    """
+    if not count:
+        raise TraceError(where, f"no frames: there is no message on {FRAME}")
+    blocks, first = [], 0
+    for batch in batches:
+        copied = _copied_frames(batch)
+        blocks.append(copied or _decoded_frames(batch.messages(), first, where))
+        first += len(batch.places)
     columns = {}
-    for name, field in _FIELDS.items():
-        offset, length = places.get(field.number, (0, 0))
-        columns[name] = messages[:, offset : offset + length].view(_KINDS[field.type])
+    for name in _FIELDS:
+        parts = [block[name] for block in blocks]
+        _demand_width({part.shape[1] for part in parts}, name, where)
+        columns[name] = np.concatenate(parts)[:count]
     return columns
 
 
-def are_sound(columns: dict[str, NDArray[Any]]) -> bool:
-    """True if all numbers of bodies are finite for sure, and all orientations of unit norm."""
-    turns = columns["body_orientation"]
-    with np.errstate(all="ignore"):
-        total = sum(float(columns[f"body_{name}"].sum()) for name in TRACK_COLUMNS)
-        w, x, y, z = np.moveaxis(
-            np.square(turns[:, : turns.shape[1] // 4 * 4]).reshape(-1, 4), 1, 0
-        )
-        off = np.abs(w + x + y + z - 1).max(initial=0)
-        return bool(np.isfinite(total) and off < UNIT_TOLERANCE)
+def _demand_width(widths: set[int], name: str, where: str) -> None:
+    if len(widths) > 1:
+        what = f"{name} has {sorted(widths)} values; every frame must have as many"
+        raise TraceError(where, what)
 
 
-def field_places(message: bytes) -> dict[int, tuple[int, int]]:
-    """Return field number → (offset, bytes) of its value in a message of fixed-width and packed fields.
+def _copied_frames(batch: Batch) -> dict[str, NDArray[Any]] | None:
+    """Name → (M, width) of messages that are laid out as ours; None where they are not.
 
     Wire format: https://protobuf.dev/programming-guides/encoding/
-
-    Raises:
-        ValueError: another kind of field, one that comes twice, or a message that is cut off.
     """
-    places: dict[int, tuple[int, int]] = {}
-    at = 0
+    begin, end = batch.places[0].tolist()
+    frame = message_class("Frame")()
     try:
-        while at < len(message):
-            key, at = _read_varint(message, at)
-            if key & 7 == _LENGTH:
-                size, at = _read_varint(message, at)
-            elif key & 7 in _WIDTHS:
-                size = _WIDTHS[key & 7]
-            else:
-                raise ValueError(f"field {key >> 3} has wire type {key & 7}")
-            if key >> 3 in places:
-                raise ValueError(f"field {key >> 3} comes twice")
-            places[key >> 3] = at, size
-            at += size
-    except IndexError:
-        raise ValueError("the message is cut off") from None
-    if at != len(message):
-        raise ValueError("the message is cut off")
-    return places
+        frame.ParseFromString(batch.raw[begin:end].tobytes())
+    except DecodeError:
+        return None
+    own, places = bytearray(), {}
+    for name, field in _FIELDS.items():
+        kind, width = _KINDS[field.type], len(getattr(frame, name)) if name in PACKED else 1
+        if width:
+            own += bytes([field.number << 3 | (2 if name in PACKED else 1)])
+            own += _varint(width * kind.itemsize) if name in PACKED else b""
+        places[name] = len(own), len(own) + width * kind.itemsize
+        own += bytes(width * kind.itemsize)
+    if (batch.places[:, 1] - batch.places[:, 0] != len(own)).any():
+        return None
+    messages = batch.bytes_at(batch.places[:, 0], len(own))
+    between = np.ones(len(own), bool)
+    for begin, end in places.values():
+        between[begin:end] = False
+    if (messages[:, between] != np.frombuffer(own, np.uint8)[between]).any():
+        return None
+    return {n: messages[:, a:b].view(_KINDS[_FIELDS[n].type]) for n, (a, b) in places.items()}
 
 
-def _read_varint(data: bytes, at: int) -> tuple[int, int]:
-    """Read the integer at a position; return it and the position after it.
-
-    Raises:
-        IndexError: it goes on past the end, or beyond 64 bits.
-    """
-    n, shift = 0, 0
-    while shift < 64:
-        byte = data[at]
-        at += 1
-        n |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            return n, at
-        shift += 7
-    raise IndexError("an integer of more than 64 bits")
+def _varint(number: int) -> bytes:
+    """An integer as protobuf writes it: seven bits in a byte, the lowest ones first."""
+    digits = bytearray()
+    while number > 0x7F:
+        digits.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes([*digits, number])
 
 
-def _decoded(messages: list[bytes], first: int, where: str) -> dict[str, NDArray[Any]]:
-    """Decode messages one by one, of which the first has a number; returns as ``_copied``."""
-    from google.protobuf.message import DecodeError
-
+def _decoded_frames(messages: list[bytes], first: int, where: str) -> dict[str, NDArray[Any]]:
+    """Decode messages one by one, of which the first has a number."""
     frame = message_class("Frame")()
     rows: dict[str, list[Any]] = {name: [] for name in _FIELDS}
     for n, message in enumerate(messages, first):
@@ -188,11 +193,93 @@ def _decoded(messages: list[bytes], first: int, where: str) -> dict[str, NDArray
             value = getattr(frame, name)
             rows[name].append(np.array(value if name in PACKED else [value], _KINDS[field.type]))
     for name, some in rows.items():
-        widths = {len(row) for row in some}
-        if len(widths) > 1:
-            raise _other_widths(where, name, widths)
+        _demand_width({len(row) for row in some}, name, where)
     return {name: np.stack(some) for name, some in rows.items()}
 
 
-def _other_widths(where: str, name: str, widths: set[int]) -> TraceError:
-    return TraceError(where, f"{name} has {sorted(widths)} values; every frame must have as many")
+def cloud_points(
+    batches: Sequence[Batch], count: int, where: str
+) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Return the (C,) POINT of the first clouds, and how many (T,) are of each.
+
+    Raises:
+        TraceError: a message is no point cloud, or lacks a field of contacts.
+    """
+    # ours: a stamp, then always the same bytes, then the points
+    own = np.frombuffer(empty_cloud().SerializeToString(deterministic=True) + _CLOUD_DATA, np.uint8)
+    parts: list[bytes] = []
+    for batch in batches:
+        points = _copied_points(batch, own)
+        parts += (
+            [_decoded_points(m, n, where) for n, m in enumerate(batch.messages(), len(parts))]
+            if points is None
+            else points.messages()
+        )
+    counts = [len(part) // POINT.itemsize for part in parts[:count]]
+    return np.frombuffer(b"".join(parts[:count]), POINT), np.array(counts, np.int64)
+
+
+def _copied_points(batch: Batch, own: NDArray[np.uint8]) -> Batch | None:
+    """Where the points of clouds are that are laid out as ours; None where they are not."""
+    at, end = batch.places.T.copy()
+    if (end - at < len(own) + 3).any():
+        return None
+    at += 2 + batch.raw[at + 1].astype(np.int64)  # after the stamp
+    if (at + len(own) >= end).any() or (batch.bytes_at(at, len(own)) != own).any():
+        return None
+    at += len(own)
+    left = end - at
+    digits = 1 + sum((left - n >= 128**n).astype(np.int64) for n in range(1, 5))
+    stated = np.zeros(len(at), np.int64)
+    for n in range(5):
+        digit = batch.raw[np.minimum(at + n, end - 1)].astype(np.int64) & 0x7F
+        stated += np.where(n < digits, digit, 0) << 7 * n
+    at += digits
+    if (at + stated != end).any() or (stated % POINT.itemsize).any():
+        return None
+    return Batch(batch.raw, np.stack([at, end], 1))
+
+
+def _decoded_points(message: bytes, frame: int, where: str) -> bytes:
+    """The POINTs of one cloud. Raises TraceError when it is no table of contacts."""
+    whose = f"the contacts of frame {frame}"
+    try:
+        cloud = PointCloud.FromString(message)
+    except DecodeError as error:
+        raise TraceError(where, f"{whose} are no point cloud: {error}") from None
+    names = [f.name for f in cloud.fields]
+    if missing := [name for name in CLOUD_FIELDS if name not in names]:
+        what = f"{whose} lack the field {missing[0]!r}."
+        raise TraceError(where, what, ", ".join(CLOUD_FIELDS))
+    try:
+        layout = np.dtype(
+            {
+                "names": names,
+                "formats": [_NUMBERS.get(f.type, "V0") for f in cloud.fields],
+                "offsets": [f.offset for f in cloud.fields],
+                "itemsize": cloud.point_stride,
+            }
+        )
+        table = np.frombuffer(cloud.data, layout)
+        points = np.empty(len(table), POINT)
+        for name, (column, place) in CLOUD_FIELDS.items():
+            target = points[column] if place is None else points[column][:, place]
+            target[...] = table[name]
+    except (TypeError, ValueError) as error:
+        raise TraceError(where, f"{whose} are no table of points: {error}") from None
+    return points.tobytes()
+
+
+def full_states(
+    batches: Sequence[Batch], frames: int, where: str
+) -> dict[int, NDArray[np.float64]]:
+    """Return frame → state of the first frames. Raises TraceError for a message that is damaged."""
+    states = {}
+    for message in (message for batch in batches for message in batch.messages()):
+        try:
+            state = message_class("State").FromString(message)
+        except DecodeError as error:
+            raise TraceError(where, f"a state cannot be read: {error}.") from None
+        if state.frame_index < frames:
+            states[int(state.frame_index)] = np.array(state.state, np.float64)
+    return states

@@ -1,66 +1,139 @@
 """The records of an MCAP file, read once from beginning to end, chunk by chunk.
 
+Every function checks a stated length against the bytes that are there before it uses it.
+
 https://mcap.dev/spec
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.checksum import crc32
 from safestage_eval.size_limits import current
 
-from .mcap_arrays import CHANNEL, MESSAGE, PREFIX, Batch, find_messages
-
 MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, CHUNK, ATTACHMENT, METADATA = 1, 2, 6, 9, 12
+HEADER, FOOTER, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA = 1, 2, 4, 5, 6, 9, 12
+
+DAMAGE = (struct.error, IndexError, ValueError, RuntimeError)
+"""What reading damaged records raises."""
 
 _READ = (HEADER, FOOTER, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA)
-_RUN = 1 << 20
-"""Bytes of messages outside of chunks that are handed on together."""
 
-_length = struct.Struct("<Q").unpack_from
-_number = struct.Struct("<H").unpack_from
+_PREFIX = 9
+"""Bytes of a record before its content: opcode (1) and length (8)."""
+
+_HEAD = 22
+"""Bytes of a message before its data: channel (2), sequence (4), log time (8), publish time (8)."""
 
 _MOST = 256
 """No byte of an LZ4 block stands for more."""
 
-_DAMAGE = (struct.error, IndexError, ValueError, RuntimeError)
+_prefix = struct.Struct("<BQ").unpack_from
+_start = struct.Struct("<BQH").unpack_from
+"""Prefix, and the channel number that messages begin with: every record in a chunk has as many bytes."""
+_length = struct.Struct("<Q").unpack_from
 
-Sink = Callable[[Batch], None]
-"""Takes messages of a topic, some at a time; keeps no more of them than it copies."""
+
+class Batch(NamedTuple):
+    """Messages of one topic that stand in one block of bytes, in file order.
+
+    Attributes:
+        raw: (N,) uint8, the block.
+        places: (M, 2) where the data of each message begins and ends in it.
+    """
+
+    raw: NDArray[np.uint8]
+    places: NDArray[np.int64]
+
+    def messages(self) -> list[bytes]:
+        """Return the data of each message."""
+        view = self.raw.data
+        return [bytes(view[begin:end]) for begin, end in self.places.tolist()]
+
+    def bytes_at(self, at: NDArray[np.int64], width: int) -> NDArray[np.uint8]:
+        """Return the (K, width) bytes behind some places of the block; raises IndexError past its end."""
+        # overlapping items of so many bytes, of which a few are copied
+        items = np.ndarray(
+            (max(0, len(self.raw) - width + 1),), f"V{width}", self.raw.data, 0, (1,)
+        )
+        return items[at].view(np.uint8).reshape(len(at), width)
 
 
 @dataclass
 class McapRecords:
-    """The contents of a file besides messages, as far as it is whole.
+    """The contents of a file, as far as it is whole.
 
     Attributes:
         size: bytes of the file.
         profile: of the header record.
         metadata: name → text by key.
         attachments: name → bytes.
-        decoded: bytes of chunks so far, unpacked.
-        whole: False when it ends before its footer.
+        messages: topic → its messages, of those that are wanted.
+        whole: False when it ends before its footer, or before what it was read until.
     """
 
     size: int
     profile: str = ""
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
+    messages: dict[str, list[Batch]] = field(default_factory=dict)
     whole: bool = False
-    decoded: int = 0
+
+    def count(self, topic: str) -> int:
+        """How many messages there are on a topic."""
+        return sum(len(batch.places) for batch in self.messages[topic])
 
 
-def no_mcap(path: Path, where: str) -> TraceError:
-    """The error about a file that does not begin as one in MCAP does."""
+def read_records(path: Path, topics: tuple[str, ...], *, until: str = "") -> McapRecords:
+    """Read the records of a file, and the messages on some topics.
+
+    Args:
+        path: the file.
+        topics: of the messages that are wanted.
+        until: name of a metadata record at which to stop; at the first chunk in any case, then.
+
+    Raises:
+        TraceError: not an MCAP file, it cannot be read, or a record in it is damaged.
+    """
+    where, at, decoded = str(path), 0, 0
+    try:
+        with path.open("rb") as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise _no_mcap(path, where)
+            records = McapRecords(path.stat().st_size)
+            messages = _Messages(topics, records)
+            for at, kind, content in _contents(stream, records):  # noqa: B007 - the last is told
+                if kind == CHUNK:
+                    if until:
+                        records.whole = True
+                        break
+                    decoded += stated_size(content)
+                    current().demand_decoded(decoded, records.size, where)
+                messages.take(kind, content)
+                if until in records.metadata:
+                    break
+            messages.take_loose()
+    except DAMAGE as error:
+        raise TraceError(
+            f"{where}, byte {at}",
+            f"a damaged record: {error}.",
+            fix="copy the file again, or record the episode again",
+        ) from None
+    except OSError as error:
+        raise TraceError(where, f"cannot be read: {error.strerror}") from None
+    return records
+
+
+def _no_mcap(path: Path, where: str) -> TraceError:
     if not path.stat().st_size:
         return TraceError(
             where, "the file is empty.", fix="copy the file again, or record the episode again"
@@ -73,41 +146,12 @@ def no_mcap(path: Path, where: str) -> TraceError:
     )
 
 
-def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
-    """Read the records of a file and hand its messages to the sink of their topic, in file order.
-
-    Raises:
-        TraceError: not an MCAP file, it cannot be read, or a record in it is damaged.
-    """
-    try:
-        with path.open("rb") as stream:
-            if stream.read(len(MAGIC)) != MAGIC:
-                raise no_mcap(path, where)
-            records = McapRecords(path.stat().st_size)
-            messages = _Messages(sinks)
-            for at, kind, content in _contents(stream, records):
-                if kind == CHUNK:
-                    records.decoded += stated_size(content)
-                    current().demand_decoded(records.decoded, records.size, where)
-                try:
-                    messages.take(kind, content, records)
-                except _DAMAGE as error:
-                    raise damaged(where, at, error) from None
-            try:
-                messages.hand_on()
-            except _DAMAGE as error:
-                raise damaged(where, records.size, error) from None
-    except OSError as error:
-        raise TraceError(where, f"cannot be read: {error.strerror}") from None
-    return records
-
-
 def _contents(stream: BinaryIO, records: McapRecords) -> Iterator[tuple[int, int, bytes]]:
     """Place, opcode and content of each record that matters here, as far as they are whole."""
     at = len(MAGIC)
-    while len(prefix := stream.read(PREFIX)) == PREFIX:
-        kind, size = prefix[0], int.from_bytes(prefix[1:], "little")
-        end = at + PREFIX + size
+    while len(prefix := stream.read(_PREFIX)) == _PREFIX:
+        kind, size = _prefix(prefix)
+        end = at + _PREFIX + size
         if end > records.size:
             return
         if kind in _READ:
@@ -124,59 +168,69 @@ def _contents(stream: BinaryIO, records: McapRecords) -> Iterator[tuple[int, int
 
 
 class _Messages:
-    """Hands the messages of some topics to the sink of each: those of a chunk at once, others some at a time."""
+    """Adds to records what those of a file say, one after the other."""
 
-    def __init__(self, sinks: Mapping[str, Sink]) -> None:
-        self._sinks = sinks
-        self._names = list(sinks)
-        self._topic_of = np.full(1 << 16, -1, np.int16)
-        """Number of a channel → place of its topic among the names; -1 for any other one."""
-        self._single = bytearray()
+    def __init__(self, topics: tuple[str, ...], records: McapRecords) -> None:
+        self._records = records
+        records.messages = {topic: [] for topic in topics}
+        self._topic_of: dict[int, str] = {}
+        """Number of a channel → its topic, of those that are wanted."""
+        self._loose = bytearray()
+        """Messages outside of chunks, as whole records."""
 
-    def take(self, kind: int, content: bytes, records: McapRecords) -> None:
-        """Keep what a record says; of a chunk, the messages in it. Raises ``_DAMAGE``."""
-        if kind == MESSAGE:  # outside of a chunk
-            self._single += bytes([MESSAGE]) + len(content).to_bytes(8, "little") + content
-            if len(self._single) > _RUN:
-                self.hand_on()
-            return
-        self.hand_on()
-        if kind == CHUNK:
-            self._give(unpack(content))
+    def take(self, kind: int, content: bytes) -> None:
+        """Keep what a record says; of a chunk, the messages in it. Raises ``DAMAGE``."""
+        records = self._records
+        if kind == MESSAGE:
+            self._loose += struct.pack("<BQ", kind, len(content)) + content
+        elif kind == CHUNK:
+            self.take_loose()
+            self._take_block(unpack(content))
         elif kind == CHANNEL:
             self._declare(content)
         elif kind == HEADER:
             records.profile = text(content, 0)[0]
         elif kind == METADATA:
-            name, texts = read_metadata(content)
+            name, texts = _metadata(content)
             records.metadata[name] = texts
         elif kind == ATTACHMENT:
             name, data = _attachment(content)
             records.attachments[name] = data
 
-    def hand_on(self) -> None:
-        """Hand the single messages that wait to the sinks."""
-        waiting, self._single = bytes(self._single), bytearray()
-        self._give(waiting)
+    def take_loose(self) -> None:
+        """Keep the messages that came outside of chunks since the last one."""
+        if self._loose:
+            self._take_block(bytes(self._loose))
+            self._loose.clear()
 
     def _declare(self, channel: bytes) -> None:
-        """Note the number of a channel if its topic is wanted."""
         topic = text(channel, 4)[0]
-        if topic in self._names:
-            self._topic_of[_number(channel)[0]] = self._names.index(topic)
+        if topic in self._records.messages:
+            self._topic_of[int.from_bytes(channel[:2], "little")] = topic
 
-    def _give(self, block: Any) -> None:
-        """Hand the messages of a block of whole records to the sinks."""
+    def _take_block(self, block: Any) -> None:
+        """Keep the messages of a block of whole records."""
         raw = np.frombuffer(block, np.uint8)
-        found: list[list[tuple[int, int]]] = [[] for _ in self._names]
-        at = 0
-        while (at := find_messages(raw, at, self._topic_of, found)) < len(raw):
-            end = at + PREFIX + _length(raw.data, at + 1)[0]
-            self._declare(raw[at + PREFIX : end].tobytes())
-            at = end
-        for name, places in zip(self._names, found, strict=True):
+        data, size, at = raw.data, len(raw), 0
+        found: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._records.messages}
+        wanted = {number: found[topic] for number, topic in self._topic_of.items()}
+        while at < size:
+            kind, length, number = _start(data, at)
+            begin = at + _PREFIX
+            at = begin + length
+            if at > size:
+                raise ValueError("a record is longer than its chunk, or cut off")
+            if kind == MESSAGE:
+                if length < _HEAD:
+                    raise ValueError("a message is cut off")
+                if number in wanted:
+                    wanted[number].append((begin + _HEAD, at))
+            elif kind == CHANNEL:
+                self._declare(bytes(data[begin:at]))
+                wanted = {number: found[topic] for number, topic in self._topic_of.items()}
+        for topic, places in found.items():
             if places:
-                self._sinks[name](Batch(raw, np.array(places)))
+                self._records.messages[topic].append(Batch(raw, np.array(places)))
 
 
 def stated_size(content: bytes) -> int:
@@ -201,15 +255,7 @@ def unpack(content: bytes) -> Any:
     if compression == "lz4":
         records = _lz4(packed, size, sure=crc != 0)
     elif compression == "zstd":
-        import zstandard
-
-        try:
-            stated = zstandard.frame_content_size(packed)
-            if stated not in (-1, size):  # the frame's word would be taken for it
-                raise ValueError(f"a chunk of {size} bytes has {stated}")
-            records = zstandard.decompress(packed, max_output_size=size)
-        except zstandard.ZstdError as error:
-            raise ValueError(str(error)) from None
+        records = _zstd(packed, size)
     elif compression:
         raise ValueError(f"unknown compression {compression!r}")
     else:
@@ -219,6 +265,18 @@ def unpack(content: bytes) -> Any:
     if crc and crc32(records) != crc:
         raise ValueError("a chunk does not match its checksum")
     return records
+
+
+def _zstd(packed: memoryview, size: int) -> bytes:
+    import zstandard
+
+    try:
+        stated = zstandard.frame_content_size(packed)
+        if stated not in (-1, size):  # the frame's word would be taken for it
+            raise ValueError(f"a chunk of {size} bytes has {stated}")
+        return zstandard.decompress(packed, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from None
 
 
 def _lz4(packed: memoryview, size: int, *, sure: bool) -> Any:
@@ -243,7 +301,7 @@ def _lz4(packed: memoryview, size: int, *, sure: bool) -> Any:
 
 
 def text(data: bytes, at: int) -> tuple[str, int]:
-    """Read a text with its length before it; return it and the position after it."""
+    """A text with its length before it, and the position after it."""
     begin = at + 4
     end = begin + int.from_bytes(data[at:begin], "little")
     if end > len(data):
@@ -251,17 +309,8 @@ def text(data: bytes, at: int) -> tuple[str, int]:
     return data[begin:end].decode(), end
 
 
-def damaged(where: str, at: int, error: Exception) -> TraceError:
-    """Return the error for a damaged record at a byte."""
-    return TraceError(
-        f"{where}, byte {at}",
-        f"a damaged record: {error}.",
-        fix="copy the file again, or record the episode again",
-    )
-
-
-def read_metadata(content: bytes) -> tuple[str, dict[str, str]]:
-    """Return the name and texts of a metadata record."""
+def _metadata(content: bytes) -> tuple[str, dict[str, str]]:
+    """Name and texts of a metadata record."""
     name, at = text(content, 0)
     end = at + 4 + int.from_bytes(content[at : at + 4], "little")
     if end > len(content):
@@ -281,5 +330,5 @@ def _attachment(content: bytes) -> tuple[str, bytes]:
         raise ValueError("an attachment does not match its checksum")
     name, at = text(content, 16)
     _, at = text(content, at)
-    (size,) = struct.unpack_from("<Q", content, at)
+    (size,) = _length(content, at)
     return name, content[at + 8 : at + 8 + size]

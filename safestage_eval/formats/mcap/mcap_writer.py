@@ -17,13 +17,11 @@ from mcap_protobuf.schema import build_file_descriptor_set
 from safestage_eval.episode import Episode
 from safestage_eval.formats.atomic import writing
 from safestage_eval.formats.event import Event
-from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import to_ply
 from safestage_eval.version import __version__
 
 from .foxglove_scene import to_scene
-from .mcap_clouds import cloud_messages
-from .mcap_frames import frame_messages
+from .mcap_frames import cloud_messages, frame_messages
 from .mcap_messages import (
     CONTACTS,
     EVENTS,
@@ -61,7 +59,7 @@ def write_mcap(
         writer.start(profile=PROFILE, library=f"safestage {__version__}")
         # header and shapes come first, so that a file cut off still has them
         writer.add_metadata(PROFILE, metadata)
-        for key in mesh_keys(episode.header):
+        for key in episode.header.mesh_keys:
             ply = to_ply(episode.meshes[key])
             writer.add_attachment(0, 0, f"geometry/{key}.ply", "application/octet-stream", ply)
         for name, data in episode.attachments.items():

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pyarrow as pa
 
 XYZ, WXYZ = ("x", "y", "z"), ("w", "x", "y", "z")
-CONTACT_VECTORS = ("position", "normal", "force")
 ROBOT_COLUMNS = {
     "joint_position": "observation.state",
     "joint_velocity": "joint_velocity",
@@ -148,6 +145,20 @@ def columns_of(table: str) -> dict[str, Column]:
 
 
 @cache
+def parts_of(table: str) -> dict[str, tuple[str, ...]]:
+    """Return the columns of a table as arrays have them → those they are stored as.
+
+    ``position`` is ``position.x``, ``position.y`` and ``position.z``; most are themselves.
+    """
+    parts: dict[str, tuple[str, ...]] = {}
+    for name in columns_of(table):
+        whole, _, axis = name.rpartition(".")
+        key = whole if axis in WXYZ else name
+        parts[key] = (*parts.get(key, ()), name)
+    return parts
+
+
+@cache
 def schema(table: str) -> pa.Schema:
     """Return the Arrow schema of a table by name, as ``columns_of``."""
     types = {
@@ -165,11 +176,6 @@ def schema(table: str) -> pa.Schema:
     }
     columns = columns_of(table).items()
     return pa.schema([pa.field(name, types[column.type]) for name, column in columns])
-
-
-def arrow_file(path: Path, mode: str = "rb") -> pa.NativeFile:
-    """Open a local file for pyarrow, whose own functions take no path that is not UTF-8."""
-    return pa.OSFile(os.fsencode(path), mode)
 
 
 @cache
