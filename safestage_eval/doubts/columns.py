@@ -114,12 +114,8 @@ class Columns:
         return self._roundings[column]
 
     def shapes(self, body: Body) -> BodyShapes | None:
-        """Its shapes; None where it has none, or nothing of the body is at hand.
-
-        Meshes are read here, of bodies that are looked at: what is found is the same for a file
-        that reads them one by one and for one that is read whole.
-        """
-        return body_shapes(body, self._meshes) if self.at_hand.some(body.name) else None
+        """Its shapes, for which meshes are read; None where it has none."""
+        return body_shapes(body, self._meshes)
 
     def scene(self) -> tuple[Body, ...]:
         """The bodies, for what is said once of them; none where just these were found sound before.
@@ -141,5 +137,6 @@ class Columns:
 
     def solid(self) -> list[tuple[Body, BodyShapes]]:
         """Objects of ``scene`` with their shapes, of those that have any and have an end."""
-        objects = [(b, self.shapes(b)) for b in self.scene() if b.kind == "object"]
+        seen = [b for b in self.scene() if b.kind == "object" and b.name in self._seen]
+        objects = [(b, self.shapes(b)) for b in seen]
         return [(b, shapes) for b, shapes in objects if shapes is not None]

@@ -59,7 +59,8 @@ def contact_places(columns: Columns) -> Iterator[ContradictionError]:
         frame, point = told.get("frame"), told.get("position")
         there, compared = [], 0
         for body in sorted((columns.header.bodies[i] for i in pair), key=lambda b: not b.movable):
-            shapes, place = columns.shapes(body), columns.track(body, "position")
+            place = columns.track(body, "position")
+            shapes = None if place is None else columns.shapes(body)
             if shapes is None or place is None:
                 break
             one = _Placed(body.name, place, columns.track(body, "orientation"), shapes)
