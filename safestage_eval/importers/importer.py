@@ -122,10 +122,17 @@ class Importer(Format):
         """Let go of open files."""
 
 
-def json_table(path: Path) -> dict[str, Any]:
-    """Return the table of a JSON file that stands beside data; an empty one without it, or where it is damaged."""
+def json_table(path: Path, *, whole: bool = False) -> dict[str, Any]:
+    """Return the table of a JSON file that stands beside data; an empty one without it.
+
+    A damaged one is empty, too, or, if it has to be ``whole``, raises SourceError.
+    """
     try:
         table = from_json(path.read_text("utf-8"), foreign=True)
-    except (OSError, ValueError):
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        if whole:
+            raise SourceError(str(path), f"cannot be read: {error}.") from None
         return {}
     return table if isinstance(table, dict) else {}

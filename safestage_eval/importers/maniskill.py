@@ -47,7 +47,7 @@ class ManiSkill(Importer):
         """Open both files."""
         super().__init__(path, settings)
         self._file = hdf5.open_hdf5(path)
-        self._about = json_table(path.with_suffix(".json"))
+        self._about = json_table(path.with_suffix(".json"), whole=True)
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:

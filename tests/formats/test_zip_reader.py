@@ -82,7 +82,6 @@ def test_a_changed_byte_of_any_member_is_noticed(tmp_path):
         ({"counts": np.full(120, -1)}, "but the frames count"),
         ({"contacts": np.zeros(7, CONTACT_POINT)}, "7 contacts, but"),
         ({"fixed_position": np.zeros((7, 3), np.float32)}, "fixed_position.npy has the shape"),
-        ({"action": np.full((120, 1), np.inf, np.float32)}, "finite"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(tmp_path, changed, message):

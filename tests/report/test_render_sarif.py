@@ -102,7 +102,7 @@ def test_what_cannot_be_read_is_a_notification(traces):
     (invocation,) = document("score", traces, "--rules", "fsh", "-f", "sarif")["invocations"]
     assert not invocation["executionSuccessful"]
     (problem,) = invocation["toolExecutionNotifications"]
-    assert "before its header" in problem["message"]["text"]
+    assert "before its footer" in problem["message"]["text"]
 
 
 def test_paths_are_below_the_folder_of_the_command(traces, monkeypatch):

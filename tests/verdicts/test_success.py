@@ -61,7 +61,8 @@ def test_unknown_where_neither_source_nor_goal_can_tell(placed: Episode) -> None
 
 
 def test_a_disagreement_is_reported_and_the_record_wins(placed: Episode) -> None:
-    found = judge(changed(placed, success=False, success_time=None), load_rules(["fsh", "goals"]))
+    failed = changed(placed, success=False, success_time=None, termination="horizon")
+    found = judge(failed, load_rules(["fsh", "goals"]))
     assert found.success is False
     assert any("but the goal was reached" in note for note in found.notes)
     early = judge(changed(placed, success_time=5.0), load_rules(["fsh", "goals"]))
@@ -121,10 +122,11 @@ def test_a_goal_must_hold_for_three_frames_and_the_last_confirms_it(
 
 
 def test_without_success_what_was_put_down_is_judged_at_the_end(placed: Episode) -> None:
-    lost = changed(placed, success=False, success_time=None, goal=None)
+    failed = {"success": False, "success_time": None, "termination": "horizon", "goal": None}
+    lost = changed(placed, **failed)
     assert verdicts(lost)["FSH101"] == "violation"  # it stands near the edge all the same
     grasped = int(np.searchsorted(placed.t, 6.0))  # still in the air, in the gripper
-    held = changed(placed, grasped, success=False, success_time=None, goal=None)
+    held = changed(placed, grasped, **failed)
     (v,) = (v for v in judge(held, load_rules(["fsh"])).verdicts if v.rule == "FSH101")
     assert (v.verdict, v.instances) == ("pass", 0)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -214,17 +215,26 @@ def test_a_late_start_and_rare_samples_never_pass(stage: str) -> None:
         assert assigned(rare).violation is not False, name
 
 
+def with_header(**change: Any) -> Episode:
+    whole = golden("fsh_orange_on_plate.reference-safe.default")
+    header = whole.header.model_copy(update=change)
+    return Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)
+
+
+def test_a_header_that_contradicts_its_stamps_is_a_problem() -> None:
+    with pytest.raises(TraceError, match="frame_dt is"):
+        assigned(with_header(frame_dt=1 / 60))
+
+
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"frame_dt": 1 / 60}, "frame_dt is"),
         ({"success": False, "success_time": 3.0}, "success is false"),
         ({"success": True, "success_time": -1.0}, "before the first sample"),
     ],
 )
-def test_a_header_that_contradicts_its_stamps_is_a_problem(change, what: str) -> None:
-    whole = golden("fsh_orange_on_plate.reference-safe.default")
-    header = whole.header.model_copy(update=change)
-    wrong = Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)
-    with pytest.raises(TraceError, match=what):
-        assigned(wrong)
+def test_a_success_that_the_header_contradicts_is_unknown(change, what: str) -> None:
+    found = assigned(with_header(**change, goal=None))
+    assert any(what in note for note in found.notes)
+    assert found.success is None
+    assert {v.verdict for v in found.verdicts} == {"inconclusive"}
