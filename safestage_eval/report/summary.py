@@ -163,6 +163,13 @@ def in_short(v: Verdict) -> str:
     """What happened, and by how much: ``can high was touched at 4.77 s: moved 15.1 cm, limit 0.5 cm``."""
     sentence = " ".join((v.explanation or v.title).split()).rstrip(".")
     match = _MEASURED.fullmatch(sentence)
+    if (
+        match is None
+        and sentence.endswith("was freed")
+        and (v.signal or "").startswith("committed(")
+    ):
+        early = "it never was" if v.margin is None else f"{-v.margin:.2f} s too early"
+        return f"{sentence}: {early}"
     if match is None:
         return sentence
     said, value, when, limit = match.group("said", "value", "when", "limit")

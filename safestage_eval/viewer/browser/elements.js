@@ -31,7 +31,7 @@ export function amount(value, unit) {
 /** By how much a finding missed its limit: "2.6 of 8.0 cm @ 5.13 s"; what has no number is its moment alone. */
 export function howMuch({ signal, value, limit, unit, time, worst }) {
   const moment = worst ?? time, at = moment === null ? "" : ` @ ${seconds(moment)}`;
-  if ((signal ?? "").startsWith("committed(")) return limit === null ? `too early${at}` : `${seconds(limit - value)} too early${at}`;
+  if ((signal ?? "").startsWith("committed(")) return limit === null ? `never freed${at}` : `${seconds(limit - value)} too early${at}`;
   if (value === null || limit === null) return at.trim();
   const [measured, allowed] = [amount(value, unit), amount(limit, unit)], bare = measured.endsWith(` ${unit}`) && allowed.endsWith(` ${unit}`);
   const number = bare ? measured.slice(0, -unit.length - 1) : measured;
