@@ -156,7 +156,7 @@ def recognised_in(
         kind = error
     if kind is not None:
         yield source, kind
-    elif not source.is_file():
+    elif source.is_dir():
         for path in sorted(source.iterdir()):
             if not path.name.startswith("."):
                 yield from recognised_in(path, but, reading, only)

@@ -113,6 +113,8 @@ def test_the_watch_sees(tmp_path):
 SECRET = "the password is swordfish"
 UNASKED = (
     "attached",
+    "link asset",
+    "linked assets",
     "link channels",
     "linked folder channels",
     "link states",

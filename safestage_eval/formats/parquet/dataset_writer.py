@@ -269,6 +269,10 @@ def _tables(episode: Episode, index: int) -> dict[str, pa.Table]:
         columns["channels"] = keys | {"value": np.concatenate(values)}
     if episode.states:
         frames, states = zip(*sorted(episode.states.items()), strict=True)
+        lengths = sorted({len(state) for state in states})
+        if len(lengths) > 1:
+            why = f"simulator states have {lengths[0]} to {lengths[-1]} numbers."
+            raise TraceError(episode.header.episode_id, why, "states of one length")
         columns["states"] = {"frame_index": np.array(frames, np.int32), "state": np.stack(states)}
     return {
         table: to_table(
