@@ -36,6 +36,10 @@ rates and usually; and how many times as much they differ in a wrong one."""
 STANDS, OFF = 2e-3, 6e-3
 """m between an object and what it stands on; and from where on it floats above it or pierces it."""
 
+TURNED_ONLY, LEANS, UPRIGHT = 1e-3, 0.9, 0.9999
+"""Of a quaternion, numbers that are 0 for one that is turned about z alone; cosines of the tilt of a body
+that has toppled, and of one that stands."""
+
 SEEN = 0.1
 """m above or below an object within which its support is looked for."""
 
@@ -90,7 +94,11 @@ def standing_otherwise(subject: Subject) -> Told:
         return (), ""
     as_written, other = (_gaps(subject, episode, swap) for swap in (False, True))
     better = [
-        n for n, gap in as_written.items() if abs(gap) > OFF and abs(other.get(n, np.inf)) < STANDS
+        n
+        for n, gap in as_written.items()
+        if abs(gap) > OFF
+        and abs(other.get(n, np.inf)) < STANDS
+        and not _about_z(episode.tracks[n].orientation[0])
     ]
     worse = [
         n for n, gap in as_written.items() if abs(gap) < STANDS and abs(other.get(n, 0.0)) > OFF
@@ -103,6 +111,32 @@ def standing_otherwise(subject: Subject) -> Told:
     return tuple(better), (
         f"{better[0]!r} begins so turned that it {does} what is below it{more}, and stands on it if the "
         "numbers are read as x, y, z, w."
+    )
+
+
+def _about_z(quaternion: NDArray[np.float32]) -> bool:
+    """Whether it turns about z alone, which leaves what stands standing: in this order it is right."""
+    return bool(abs(quaternion[1:3]).max() < TURNED_ONLY)
+
+
+def upright_otherwise(subject: Subject) -> Told:
+    """Objects that begin toppled by half a turn as written, and upright in the other order.
+
+    What stands upright and is turned about z has no x and no y: w and x are 0 in the wrong order.
+    """
+    found = []
+    for body in subject.objects:
+        if body.up_axis is None or body.name not in subject.episode.tracks:
+            continue
+        q = subject.episode.tracks[body.name].orientation[0].astype(np.float64)
+        up, other = (float((matrix(x) @ np.asarray(body.up_axis))[2]) for x in (q, _other_order(q)))
+        if abs(q[:2]).max() < TURNED_ONLY and up < LEANS and other > UPRIGHT:
+            found.append(body.name)
+    if not found:
+        return (), ""
+    return tuple(found), (
+        f"{_named(found)} begin{'s' * (len(found) == 1)} toppled, at a quaternion without w and x, and "
+        "upright if the numbers are read as x, y, z, w."
     )
 
 

@@ -78,7 +78,7 @@ def test_the_cause_does_not_depend_on_what_was_audited_before(rules):
     assert there == back
 
 
-def written(tmp_path, orientation=(1, 0, 0, 0), speed=0.2):
+def written(tmp_path, orientation=(1, 0, 0, 0), speed=0.2, up=None, above=0.0):
     """A cube that is pushed over a table, as README writes it."""
     header = Header(episode_id="mine", physics_dt=0.01, frame_dt=0.01, roles={"target": ("cube",)},
                     success=True, success_time=1.0)  # fmt: skip
@@ -86,10 +86,11 @@ def written(tmp_path, orientation=(1, 0, 0, 0), speed=0.2):
         top, side = (Geom(kind="box", size=s) for s in ((0.3, 0.3, 0.02), (0.03, 0.03, 0.03)))
         table = Body(name="table", kind="fixture", movable=False, geoms=(top,))
         writer.add_body(table, (0, 0, -0.02))
-        writer.add_body(Body(name="cube", kind="object", mass=0.2, geoms=(side,)))
+        writer.add_body(Body(name="cube", kind="object", mass=0.2, up_axis=up, geoms=(side,)))
         for frame in range(650):
             t = frame * 0.01
-            pose = ((0.2 * min(t, 1), 0, 0.03), orientation)
+            falls = max(above - 4.9 * t**2, 0)
+            pose = ((0.2 * min(t, 1), 0, 0.03 + falls), orientation)
             writer.add_frame(t, {"cube": pose}, {"cube": ((speed * (t < 1), 0, 0), (0, 0, 0))})
     return load(tmp_path / "mine.mcap", checked=False)
 
@@ -99,6 +100,12 @@ def written(tmp_path, orientation=(1, 0, 0, 0), speed=0.2):
     [
         ({}, None, ""),
         ({"orientation": (0, 0, 0, 1)}, "AUD111", "x, y, z, w"),
+        (
+            {"orientation": (0, 0, 0.5**0.5, 0.5**0.5), "up": (0, 0, 1)},
+            "AUD111",
+            "x, y, z, w",
+        ),  # a cube looks alike
+        ({"orientation": (0.9755, 0, 0, 0.22), "above": 0.01}, None, ""),  # let fall, as it says
         ({"speed": 20.0}, "AUD115", "cm/s"),
     ],
 )

@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.quaternion_order import standing_otherwise, turning_otherwise
+from safestage_eval.audit.quaternion_order import (
+    standing_otherwise,
+    turning_otherwise,
+    upright_otherwise,
+)
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject
 from safestage_eval.doubts.check_registry import check
@@ -79,7 +83,7 @@ def _unit(size: float) -> str:
 def quaternion_order(subject: Subject) -> Iterator[Defect]:
     """Compares orientations with angular velocities, contacts and what objects stand on, in both orders.
 
-    Then it counts bodies at (0, 0, 0, ±1). In the order x, y, z, w that is a body that is not turned; as
+    Then it asks for objects that stand upright in the other order alone, and counts bodies at (0, 0, 0, ±1). In the order x, y, z, w that is a body that is not turned; as
     w, x, y, z it is one turned by exactly 180° about z, which two bodies of a scene rarely are, nor the
     only one that can move.
     """
@@ -96,6 +100,17 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
                 field="bodies.orientation",
             )
             return
+    names, what = upright_otherwise(subject)
+    if names:
+        yield Defect(
+            what,
+            "write quaternions as w, x, y, z",
+            "quaternions are stored as x, y, z, w",
+            bodies=names,
+            field="bodies.orientation",
+            severity="warning",
+        )
+        return
     [alone] = moving if len(moving := [b.name for b in subject.objects]) == 1 else [""]
     if alone and (abs(subject.track(alone).orientation) == (0, 0, 0, 1)).all():
         yield Defect(
