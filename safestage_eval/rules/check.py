@@ -258,11 +258,14 @@ def _blocking(
 
 
 def _unread(reading: Reading, files: Sequence[RuleFile]) -> None:
-    """In a file with rules, what it declares and nothing reads is a mistake."""
-    scopes = reading.scopes.items()
+    """In a file with rules, what it declares and nothing reads is a mistake.
+
+    Not where something else is wrong in the file: a misspelt name may be what was to read it.
+    """
+    scopes, wrong = reading.scopes.items(), {problem.path for problem in reading.problems}
     reads = {read for owner, (scope, _) in scopes for read in scope.reads - {owner}}
     for file in files:
-        if not any(_judged(file)):
+        if not any(_judged(file)) or file.path in wrong:
             continue
         bases = [other for other in files if other.path in file.extends]
         inherited = {name for base in bases for name, _, _ in definitions(base)}
