@@ -6,6 +6,7 @@ A signal that is added must be known somewhere in the scene below, or the scene 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -194,6 +195,22 @@ def test_what_comes_after_changes_nothing(case: tuple[Any, ...]) -> None:
     there = Relations(Signals(transforms.gone_on(scene(), 20)))
     one, two = measure(here(), *case), measure(there, *case)
     same(one, Interval(two.lower[:FRAMES], two.upper[:FRAMES], two.dimension), why=case)
+
+
+@pytest.mark.parametrize("column", ["position", "orientation", "linear_velocity", "angular_velocity"])
+@pytest.mark.parametrize("body", ["a", "b"])
+def test_a_sample_that_was_not_measured_is_not_made_up(body: str, column: str) -> None:
+    """The interval there, and afterwards, holds what the whole recording measures."""
+    tracks = dict(scene().tracks)
+    values = getattr(tracks[body], column).copy()
+    values[50] = np.nan
+    tracks[body] = replace(tracks[body], **{column: values})
+    there = Relations(Signals(transforms.rebuilt(scene(), tracks=tracks)))
+    for case in CASES:
+        one, two = measure(here(), *case), measure(there, *case)
+        below, above = (two.lower > one.upper), (two.upper < one.lower)
+        wrong = (below | above) & ~np.isclose(two.value, one.value, rtol=1e-5, atol=1e-6)
+        assert not wrong.any(), (case, np.flatnonzero(wrong))
 
 
 def lacking(what: str) -> Episode:
