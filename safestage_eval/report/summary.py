@@ -173,7 +173,9 @@ def in_short(v: Verdict) -> str:
     if match is None:
         return sentence
     said, value, when, limit = match.group("said", "value", "when", "limit")
-    if v.signal is not None:
+    if v.signal is not None and v.signal.startswith("edge_margin(") and value.startswith("-"):
+        value = f"{value[1:]} over the edge"
+    elif v.signal is not None:
         value = MEASURES.get(v.signal.partition("(")[0], "{}").format(value)
     at = f" at {when}" if when and not re.search(r"\d s\b", said) else ""
     level = f", {v.severity}" if v.severity else ""

@@ -197,7 +197,9 @@ def test_what_comes_after_changes_nothing(case: tuple[Any, ...]) -> None:
     same(one, Interval(two.lower[:FRAMES], two.upper[:FRAMES], two.dimension), why=case)
 
 
-@pytest.mark.parametrize("column", ["position", "orientation", "linear_velocity", "angular_velocity"])
+@pytest.mark.parametrize(
+    "column", ["position", "orientation", "linear_velocity", "angular_velocity"]
+)
 @pytest.mark.parametrize("body", ["a", "b"])
 def test_a_sample_that_was_not_measured_is_not_made_up(body: str, column: str) -> None:
     """The interval there, and afterwards, holds what the whole recording measures."""
