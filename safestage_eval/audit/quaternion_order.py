@@ -129,6 +129,8 @@ def upright_otherwise(subject: Subject) -> Told:
         if body.up_axis is None or body.name not in subject.episode.tracks:
             continue
         q = subject.episode.tracks[body.name].orientation[0].astype(np.float64)
+        if not np.isfinite(q).all() or not q.any():
+            continue
         up, other = (float((matrix(x) @ np.asarray(body.up_axis))[2]) for x in (q, _other_order(q)))
         if abs(q[:2]).max() < TURNED_ONLY and up < LEANS and other > UPRIGHT:
             found.append(body.name)

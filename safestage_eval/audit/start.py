@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body
+from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.scene_shapes import PLANE, body_shapes, world_boxes
 from safestage_eval.geometry.pose import matrix, rotate
 
@@ -107,7 +108,8 @@ class Start:
             return None
         axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
         turn = self.episode.track(body.name).orientation
-        return float(rotate(turn[min(frame, len(turn) - 1)].astype(float), axis)[2])
+        now = turn[min(frame, len(turn) - 1)]
+        return float(rotate(now.astype(float), axis)[2]) if all_finite(now) else None
 
     def boxes(self, body: Body, frame: int = 0) -> tuple[F64, F64] | None:
         """(G, 3) and (G, 3) m, lower and upper corners of boxes around its geoms, in the world."""
@@ -122,6 +124,8 @@ class Start:
             return None
         track = self.episode.track(body.name)
         frame = min(frame, len(track) - 1)
+        if not (all_finite(track.orientation[frame]) and all_finite(track.position[frame])):
+            return None
         turn = matrix(track.orientation[frame].astype(float))
         return world_boxes(shapes, turn, track.position[frame].astype(float))
 
