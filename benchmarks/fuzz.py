@@ -47,7 +47,7 @@ WRONG = (*BAD, "crash", "hang")
 
 @dataclass
 class Tally:
-    """What came of the inputs of one format, and s of the processor that they took."""
+    """Outcomes of the inputs of one format, and the processor time that they took (s)."""
 
     counts: Counter[str] = field(default_factory=Counter)
     seconds: float = 0.0

@@ -52,7 +52,7 @@ def audit_episode(
 
 
 def opened(settings: Settings, codes: tuple[str, ...]) -> Callable[[EpisodeRef], Any]:
-    """What audits an episode in a worker process, by the checks of these codes."""
+    """Return the function that audits one episode in a worker process, by these checks."""
     from safestage_eval.run.worker import lasting
 
     checks, rules = choose(codes), settings.rule_set

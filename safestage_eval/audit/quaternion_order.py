@@ -36,9 +36,11 @@ rates and usually; and how many times as much they differ in a wrong one."""
 STANDS, OFF = 2e-3, 6e-3
 """m between an object and what it stands on; and from where on it floats above it or pierces it."""
 
-TURNED_ONLY, LEANS, UPRIGHT = 1e-3, 0.9, 0.9999
-"""Of a quaternion, numbers that are 0 for one that is turned about z alone; cosines of the tilt of a body
-that has toppled, and of one that stands."""
+NO_TILT = 1e-3
+"""Size of x and y of a quaternion below which it turns about z alone."""
+
+LEANS, UPRIGHT = 0.9, 0.9999
+"""Cosines of the tilt of a body that has toppled, and of one that stands."""
 
 SEEN = 0.1
 """m above or below an object within which its support is looked for."""
@@ -98,7 +100,7 @@ def standing_otherwise(subject: Subject) -> Told:
         for n, gap in as_written.items()
         if abs(gap) > OFF
         and abs(other.get(n, np.inf)) < STANDS
-        and not _about_z(episode.tracks[n].orientation[0])
+        and not _about_z(episode.tracks[n].orientation[0])  # which the other order hardly makes
     ]
     worse = [
         n for n, gap in as_written.items() if abs(gap) < STANDS and abs(other.get(n, 0.0)) > OFF
@@ -115,8 +117,8 @@ def standing_otherwise(subject: Subject) -> Told:
 
 
 def _about_z(quaternion: NDArray[np.float32]) -> bool:
-    """Whether it turns about z alone, which leaves what stands standing: in this order it is right."""
-    return bool(abs(quaternion[1:3]).max() < TURNED_ONLY)
+    """Whether it turns about z alone."""
+    return bool(abs(quaternion[1:3]).max() < NO_TILT)
 
 
 def upright_otherwise(subject: Subject) -> Told:
@@ -128,11 +130,13 @@ def upright_otherwise(subject: Subject) -> Told:
     for body in subject.objects:
         if body.up_axis is None or body.name not in subject.episode.tracks:
             continue
-        q = subject.episode.tracks[body.name].orientation[0].astype(np.float64)
-        if not np.isfinite(q).all() or not q.any():
+        q = subject.episode.tracks[body.name].orientation[0]
+        other = _other_order(q)
+        if not (np.isfinite(q).all() and q.any() and _about_z(other)):
             continue
-        up, other = (float((matrix(x) @ np.asarray(body.up_axis))[2]) for x in (q, _other_order(q)))
-        if abs(q[:2]).max() < TURNED_ONLY and up < LEANS and other > UPRIGHT:
+        axis = np.asarray(body.up_axis)
+        up, then = (float((matrix(x.astype(np.float64)) @ axis)[2]) for x in (q, other))
+        if up < LEANS and then > UPRIGHT:
             found.append(body.name)
     if not found:
         return (), ""

@@ -4,8 +4,8 @@
     def command(rows: str, params: tuple[str, ...] = option("Show only this parameter.", "--param", "-p")) -> None: …
 
 A parameter without a default is an argument of its name. The annotation says the rest: ``bool`` is a flag,
-``tuple[…]`` may be repeated, ``int``, ``float`` and ``Path`` are what is converted to. What the function returns
-is the exit code.
+``tuple[…]`` may be repeated, and ``int``, ``float`` and ``Path`` are the types of values. The function returns the
+exit code.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ TYPES: dict[str, Any] = {"int": int, "float": float, "Path": click.Path(path_typ
 
 
 class Declared:
-    """What a parameter of a function is on the command line."""
+    """An option or argument of the command line, declared as a parameter's default."""
 
     def __init__(self, kind: type[click.Parameter], names: Sequence[str], **settings: Any) -> None:
-        """``settings``: what click is told besides what the annotation says."""
+        """``settings``: passed to click, in addition to what follows from the annotation."""
         self._kind, self._names, self._settings = kind, names, settings
 
     def parameters(self, name: str, annotation: str) -> list[click.Parameter]:
-        """The parameters of click that it stands for."""
+        """Return the click parameters that it declares."""
         several = annotation.startswith("tuple[")
         plain = annotation.removesuffix(" | None").removeprefix("tuple[").removesuffix(", ...]")
         said: dict[str, Any] = {"type": TYPES[plain]} if plain in TYPES else {}
@@ -48,7 +48,7 @@ class Declared:
         return [self._kind(names, **(said | self._settings))]
 
     def taken(self, name: str, given: dict[str, Any]) -> Any:
-        """The function's argument, taken out of what click gives."""
+        """Remove the function's argument from the values that click gives, and return it."""
         return given.pop(name)
 
 

@@ -175,7 +175,7 @@ class _Copies:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """The same for all names of a file; None of what is not here."""
+    """Device and inode of a file, the same for all its names; None if it does not exist."""
     try:
         status = Path(str(path)).stat()  # of a path in a store: nothing
     except OSError:

@@ -146,7 +146,7 @@ Taken = tuple[str, Path, bool]
 
 
 def _read(ctx: click.Context) -> Iterator[Taken]:
-    """What is there of all that a command is told to read; of a folder of rules each file."""
+    """Yield the files that a command reads and that exist; of a folder of rules each file."""
     for param in ctx.command.params:
         value = ctx.params.get(param.name or "")
         if isinstance(param.type, Output):

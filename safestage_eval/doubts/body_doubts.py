@@ -13,7 +13,7 @@ from .check_registry import check
 from .columns import Columns
 
 CODES = ("AUD131", "AUD133", "AUD134")
-"""Of the checks below, which look at each scene once."""
+"""The checks below; each scene is checked once."""
 
 DENSITY = (1.0, 50_000.0)
 """kg/m³; foam has 15, osmium 22,600, and shapes are rough."""

@@ -1,6 +1,7 @@
 """Mistakes that are put into sound recordings are found, and each is named by its code."""
 
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,3 +115,15 @@ def test_a_recording_without_a_robot(rules, tmp_path, changes, code, cause):
     grave = [f for f in findings if f.severity in GRAVE]
     assert [f.code for f in grave] == ([code] if code else [])
     assert all(cause in f.cause for f in grave)
+
+
+@pytest.mark.parametrize("column", ["position", "orientation", "linear_velocity"])
+def test_a_recording_whose_first_sample_is_missing_is_audited(rules, tmp_path, column):
+    episode = written(tmp_path, up=(0, 0, 1))
+    track = episode.track("cube")
+    values = getattr(track, column).copy()
+    values[0] = np.nan
+    tracks = {**episode.tracks, "cube": replace(track, **{column: values})}
+    findings = check_subject(Subject(replace(episode, tracks=tracks), rules), CHECKED)
+    assert not [f for f in findings if f.severity in GRAVE and "w, x, y, z" in f.fix]
+    assert any("missing" in f.what or "not measured" in f.what or "NaN" in f.what for f in findings)

@@ -11,6 +11,7 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.start import ROBOT, Start
 from safestage_eval.doubts.check_registry import check
 from safestage_eval.episode import Body
+from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.group_clearance import clearance_series
 from safestage_eval.geometry.polygon import polygon_margin
@@ -199,12 +200,12 @@ def rests_tilted(start: Start) -> Iterator[Defect]:
 
 
 def _beyond(start: Start, body: Body) -> float | None:
-    """M by which the middle of a body lies beside its lowest points; None of planes."""
+    """M by which the middle of a body lies beside its lowest points; None of planes, and where not measured."""
     shape = BodyShape.build(body, start.episode.meshes)
     parts = shape.polytopes
-    if any(part is None for part in parts):
-        return None
     track = start.episode.track(body.name)
+    if any(part is None for part in parts) or not all_finite(track.orientation[0]):
+        return None
     points = np.concatenate([part.vertices for part in parts if part is not None])
     turned = rotate(track.orientation[0].astype(float), np.vstack([points, shape.centroid]))
     low = turned[:-1][turned[:-1, 2] < turned[:-1, 2].min() + LOWEST][:, :2]

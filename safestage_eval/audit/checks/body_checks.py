@@ -11,6 +11,7 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
 from safestage_eval.doubts.check_registry import also, check
 from safestage_eval.episode import Body
+from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.scene_shapes import body_shapes
 
 from .gravity_checks import BORNE, borne_shares
@@ -154,8 +155,10 @@ def declared_up(subject: Subject) -> Iterator[Defect]:
     for body in subject.objects:
         if body.up_axis is None or body.parent is not None:
             continue
-        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
-        up = rotate(subject.track(body.name).orientation[0].astype(float), axis)
+        turn = subject.track(body.name).orientation[0]
+        if not all_finite(turn):
+            continue
+        up = rotate(turn.astype(float), np.asarray(body.up_axis) / np.linalg.norm(body.up_axis))
         standing += up[2] > 0.5
         tilted += [body] * bool(up[2] <= 0.5)
     if len(tilted) > 1 and not standing:

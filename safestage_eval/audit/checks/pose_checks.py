@@ -15,7 +15,7 @@ from safestage_eval.audit.quaternion_order import (
 )
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject
-from safestage_eval.doubts.check_registry import check
+from safestage_eval.doubts.check_registry import Severity, check
 from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.missing_values import POSE, TWIST
@@ -81,46 +81,27 @@ def _unit(size: float) -> str:
     cheap=True,
 )
 def quaternion_order(subject: Subject) -> Iterator[Defect]:
-    """Compares orientations with angular velocities, contacts and what objects stand on, in both orders.
+    """Compares orientations with angular velocities and with what objects stand on, in both orders.
 
-    Then it asks for objects that stand upright in the other order alone, and counts bodies at (0, 0, 0, ±1). In the order x, y, z, w that is a body that is not turned; as
-    w, x, y, z it is one turned by exactly 180° about z, which two bodies of a scene rarely are, nor the
-    only one that can move.
+    Then it asks for objects that stand upright in the other order alone, and counts bodies at
+    (0, 0, 0, ±1). In the order x, y, z, w that is a body that is not turned; as w, x, y, z it is one
+    turned by exactly 180° about z, which two bodies of a scene rarely are, nor the only one that can move.
     """
     yield from subject.explained("AUD111")
     if subject.diagnosis.repair is not None or not subject.readable:
         return
     for names, what in (turning_otherwise(subject), standing_otherwise(subject)):
         if names:
-            yield Defect(
-                what,
-                "write quaternions as w, x, y, z",
-                "quaternions are stored as x, y, z, w",
-                bodies=names,
-                field="bodies.orientation",
-            )
+            yield _exchanged(what, names)
             return
     names, what = upright_otherwise(subject)
     if names:
-        yield Defect(
-            what,
-            "write quaternions as w, x, y, z",
-            "quaternions are stored as x, y, z, w",
-            bodies=names,
-            field="bodies.orientation",
-            severity="warning",
-        )
+        yield _exchanged(what, names, "warning")
         return
     [alone] = moving if len(moving := [b.name for b in subject.objects]) == 1 else [""]
     if alone and (abs(subject.track(alone).orientation) == (0, 0, 0, 1)).all():
-        yield Defect(
-            f"{alone!r} is at exactly (0, 0, 0, 1): as w, x, y, z that is half a turn about z.",
-            "write quaternions as w, x, y, z; a body that is not turned is at (1, 0, 0, 0)",
-            "quaternions are stored as x, y, z, w",
-            bodies=(alone,),
-            field="bodies.orientation",
-            severity="warning",
-        )
+        what = f"{alone!r} is at exactly (0, 0, 0, 1): as w, x, y, z that is half a turn about z."
+        yield _exchanged(what, (alone,), "warning")
         return
     if not subject.whole:
         return
@@ -133,13 +114,21 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
     upright = [name for name, q in first.items() if abs(q[0]) > 1 - 1e-6]
     if len(last) < 2 or upright:
         return
-    yield Defect(
+    what = (
         f"{len(last)} bodies ({', '.join(last[:3])}{', …' * (len(last) > 3)}) begin at exactly "
-        "(0, 0, 0, 1), and none at (1, 0, 0, 0).",
-        "write quaternions as w, x, y, z",
+        "(0, 0, 0, 1), and none at (1, 0, 0, 0)."
+    )
+    yield _exchanged(what, (), "error" if len(last) > len(first) / 3 else "warning")
+
+
+def _exchanged(what: str, names: tuple[str, ...], severity: Severity | None = None) -> Defect:
+    return Defect(
+        what,
+        "write quaternions as w, x, y, z; a body that is not turned is at (1, 0, 0, 0)",
         "quaternions are stored as x, y, z, w",
+        bodies=names,
         field="bodies.orientation",
-        severity="error" if len(last) > len(first) / 3 else "warning",
+        severity=severity,
     )
 
 
