@@ -108,12 +108,6 @@ class Paired:
         return self.sums[0]
 
     @property
-    def percents(self) -> tuple[float | None, float | None]:
-        """Rates of A and of B in percent; None without pairs."""
-        n, k_a, k_b, _, _ = self.sums
-        return (100 * k_a / n, 100 * k_b / n) if n else (None, None)
-
-    @property
     def difference(self) -> float | None:
         """Rate of B minus rate of A, -1…1; None without pairs."""
         n, k_a, k_b, _, _ = self.sums
